@@ -1,0 +1,87 @@
+# The commands of this project. Needed beforehand: Python 3.11, git, make (and a network, once).
+#   make book       build the book into _build/html
+#   make test       linter and tests, which include building the book from scratch
+#   make lab        open the pages as notebooks in JupyterLab
+#   make reproduce  compute every stored run again
+#   make clean      remove what the above made (make distclean: the environment, too)
+
+PYTHON ?= python3.11
+VENV   ?= .venv
+# For example --no-browser --port=9999.
+LAB_OPTIONS ?=
+
+BIN     := $(VENV)/bin
+SET_UP  := $(VENV)/set-up-is-done
+PYFILES := vtlib tests book/_ext
+# Only pages with cells: the rest of the Markdown has no code to check.
+PAGES    = $(shell grep -l '^kernelspec:' book/*.md)
+# On a page an import may stand where it is first used, and a cell may end in a value to show.
+PAGE_RULES := --extend-ignore=E402,B018
+CPU_TORCH := https://download.pytorch.org/whl/cpu
+TORCH     := $(shell sed -n 's/^\(torch==[^ ]*\).*/\1/p' requirements.txt)
+
+export PIP_DISABLE_PIP_VERSION_CHECK := 1
+export PYDEVD_DISABLE_FILE_VALIDATION := 1
+
+.DEFAULT_GOAL := help
+.PHONY: help book test lint format lab reproduce clean distclean
+
+help:
+	@sed -n '/^#   make/s/^#   //p' Makefile
+
+book: $(SET_UP)
+	@echo "==> Building the book: 1 to 3 minutes the first time, seconds when little has changed."
+	@$(BIN)/python book/_ext/build.py
+
+test: $(SET_UP)
+	@echo "==> Testing: about 5 minutes on two cores (linter, library, book from scratch, browser)."
+	@$(MAKE) --no-print-directory lint
+	@$(BIN)/python -m pytest
+
+lint: $(SET_UP)
+	@echo "==> Checking style: a few seconds."
+	@$(BIN)/ruff check $(PYFILES)
+	@$(BIN)/ruff format --check $(PYFILES)
+	@PATH="$(abspath $(BIN)):$$PATH" $(BIN)/nbqa "ruff check" $(PAGES) $(PAGE_RULES)
+	@PATH="$(abspath $(BIN)):$$PATH" $(BIN)/nbqa "ruff format --check" $(PAGES)
+
+format: $(SET_UP)
+	@$(BIN)/ruff check --fix $(PYFILES)
+	@$(BIN)/ruff format $(PYFILES)
+	@PATH="$(abspath $(BIN)):$$PATH" $(BIN)/nbqa "ruff format" $(PAGES)
+
+# Settings go into the environment, not into the user's home.
+lab: export JUPYTER_CONFIG_DIR := $(abspath $(VENV))/etc/jupyter-user
+lab: $(SET_UP)
+	@echo "==> Opening JupyterLab: a few seconds; stop it with Ctrl-C. Pages open as notebooks."
+	@$(BIN)/jupytext-config set-default-viewer markdown python >/dev/null
+	@$(BIN)/jupyter lab $(LAB_OPTIONS) book
+
+reproduce: $(SET_UP)
+	@echo "==> Computing every stored run again: see the estimate printed below. Ctrl-C is safe: the"
+	@echo "    same command goes on where it was stopped."
+	@$(BIN)/python -m vtlib reproduce
+
+clean:
+	rm -rf _build .pytest_cache .ruff_cache .hypothesis .coverage htmlcov book/_static/vendor
+
+distclean: clean
+	rm -rf $(VENV) *.egg-info
+
+# The environment. Made anew only when a pinned version or the package's metadata changes.
+$(SET_UP): requirements.txt pyproject.toml
+	@echo "==> Setting up $(VENV) (once): about 2 minutes and 1.5 GB with a good connection."
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info[:2] != (3, 11))' || \
+		{ echo "Python 3.11 is needed: make PYTHON=/path/to/python3.11 book"; exit 1; }
+	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
+	@echo "--> 1 of 3: PyTorch, the build without CUDA"
+	@$(BIN)/pip install -q --retries 1 --timeout 30 --no-deps --index-url $(CPU_TORCH) $(TORCH) \
+		2>$(VENV)/torch.log || \
+		echo "    PyTorch's own index cannot be reached: taking it from the ordinary one (larger)"
+	@echo "--> 2 of 3: the pinned versions of requirements.txt"
+	@$(BIN)/pip install --progress-bar off -r requirements.txt >$(VENV)/install.log 2>&1 || \
+		{ tail -n 20 $(VENV)/install.log; exit 1; }
+	@echo "--> 3 of 3: vtlib itself, in place"
+	@$(BIN)/pip install -q -e . --no-deps --no-build-isolation
+	@$(BIN)/pip check
+	@touch $@

@@ -1,0 +1,76 @@
+"""Build the book: browser scripts, then every page, with each warning an error.
+
+``python book/_ext/build.py`` keeps what is up to date. ``--fresh`` renders every page anew (outputs
+of unchanged pages still come from the execution cache), which is what a test has to do: a second
+incremental build says nothing about pages that failed in the first.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import shutil
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+from fetch_assets import AssetsUnavailable, fetch
+
+ROOT = Path(__file__).resolve().parents[2]
+BUILD = ROOT / "_build"
+HTML = BUILD / "html"
+
+
+def report_assets() -> bool:
+    """Fetch the browser scripts; where that fails, say plainly what it means for the reader."""
+    print("--> Browser scripts (MathJax, sliders)", flush=True)
+    try:
+        fetch()
+    except AssetsUnavailable as error:
+        print(f"    {error}.")
+        print(
+            "    The book is built all the same, but its pages will load MathJax and the sliders'"
+        )
+        print("    script from public servers when read. To change that: install Node.js (npm),")
+        print("    or go on line, and build again.", flush=True)
+        return False
+    return True
+
+
+def build(fresh: bool) -> int:
+    """Run Jupyter Book over the root; returns its exit status, non-zero on any warning."""
+    report_assets()
+    if fresh or (BUILD / "failed").exists():
+        for folder in (HTML, BUILD / ".doctrees"):
+            shutil.rmtree(folder, ignore_errors=True)
+    BUILD.mkdir(exist_ok=True)
+    (BUILD / "failed").touch()
+    print("--> Pages", flush=True)
+    tool = Path(sys.executable).with_name("jupyter-book")
+    command = [str(tool), "build", ".", "-W", "-n", "--keep-going"]
+    environment = os.environ | {"NO_COLOR": "1", "PYTHONUNBUFFERED": "1"}
+    status = subprocess.run(command, cwd=ROOT, env=environment, check=False).returncode
+    if status == 0:
+        (BUILD / "failed").unlink()
+    return status
+
+
+def main() -> int:
+    """Command line."""
+    parser = argparse.ArgumentParser(description="Build the book into _build/html.")
+    parser.add_argument("--fresh", action="store_true", help="render every page anew")
+    arguments = parser.parse_args()
+    begin = time.monotonic()
+    status = build(arguments.fresh)
+    if status:
+        print("The book has warnings or failing pages, listed above; tracebacks of cells are under")
+        print(f"{HTML / 'reports'}.")
+    else:
+        seconds = time.monotonic() - begin
+        print(f"==> Built in {seconds:.0f} s. Open {HTML / 'index.html'} in a browser.")
+    return status
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

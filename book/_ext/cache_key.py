@@ -1,0 +1,45 @@
+"""Sphinx extension: a page runs again whenever something that its figures depend on has changed.
+
+jupyter-cache recognises a page by its code cells alone. Here the cache lives in a folder named by
+a hash of everything else a page reads: the library, the pinned versions and the stored runs.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).resolve().parents[2]
+IGNORED = {"__pycache__", ".ipynb_checkpoints"}
+
+
+def dependencies(root: Path) -> Iterator[Path]:
+    """Files that decide a page's outputs beside its own cells, in a fixed order."""
+    yield root / "requirements.txt"
+    for folder, pattern in (("vtlib", "*.py"), ("book/results", "*")):
+        for path in sorted((root / folder).rglob(pattern)):
+            if path.is_file() and not IGNORED.intersection(path.parts):
+                yield path
+
+
+def cache_key(root: Path = ROOT) -> str:
+    """Sixteen hexadecimal digits naming the state of the files that the pages depend on."""
+    digest = hashlib.sha256()
+    for path in dependencies(root):
+        content = path.read_bytes() if path.exists() else b""
+        digest.update(f"{path.relative_to(root).as_posix()}\0{len(content)}\0".encode())
+        digest.update(content)
+    return digest.hexdigest()[:16]
+
+
+def choose_cache(app: Any, config: Any) -> None:
+    """Point myst-nb at this state's folder; pages are read anew because the setting changed."""
+    config.nb_execution_cache_path = str(ROOT / "_build" / ".jupyter_cache" / cache_key())
+
+
+def setup(app: Any) -> dict[str, Any]:
+    """Register with Sphinx, early enough for myst-nb to see the setting."""
+    app.connect("config-inited", choose_cache, priority=100)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -1,0 +1,65 @@
+/* Small repairs that make the built pages complete without a server or a third party. */
+
+/* The sliders' script asks MathJax 2 to typeset its labels; this answers with MathJax 3. */
+(function () {
+  let mathjax = window.MathJax;
+  const loaded = new Promise((resolve) => {
+    if (document.readyState === "complete") resolve();
+    else window.addEventListener("load", resolve);
+  });
+  let queue = loaded.then(() => mathjax?.startup?.promise);
+  const hub = {
+    Queue(...jobs) {
+      for (const [, , element] of jobs) {
+        queue = queue
+          .then(() => mathjax?.typesetPromise?.([element]))
+          .catch((error) => console.warn("a label was not typeset:", error));
+      }
+    },
+  };
+  const withHub = (value) => {
+    if (value && typeof value === "object" && !value.Hub) value.Hub = hub;
+    return value;
+  };
+  /* MathJax replaces the global object while it starts, hence an accessor. */
+  Object.defineProperty(window, "MathJax", {
+    configurable: true,
+    enumerable: true,
+    get: () => mathjax,
+    set: (value) => { mathjax = withHub(value); },
+  });
+  if (mathjax) withHub(mathjax);
+})();
+
+/* Slider handles get a spoken name (the tooltip, else the label) and a spoken value (the readout). */
+(function () {
+  const plain = (text) => text.replace(/\\[()]|[\\$]/g, "").trim();
+  const say = (handle, attribute, text) => {
+    if (text && handle.getAttribute(attribute) !== text) handle.setAttribute(attribute, text);
+  };
+  const describe = (slider) => {
+    const handle = slider.querySelector(".noUi-handle");
+    const label = slider.querySelector(".widget-label");
+    const readout = slider.querySelector(".widget-readout");
+    if (!handle || !label || !readout) return;
+    const tooltip = label.title === "null" ? "" : label.title;
+    const typeset = label.querySelector("mjx-assistive-mml");
+    say(handle, "aria-label", plain(tooltip || (typeset ?? label).textContent));
+    say(handle, "aria-valuetext", plain(readout.textContent));
+  };
+  document.addEventListener("DOMContentLoaded", () => {
+    const all = () => document.querySelectorAll(".widget-slider").forEach(describe);
+    new MutationObserver(all).observe(document.body, {
+      attributeFilter: ["aria-valuetext", "title"],
+      characterData: true,
+      childList: true,
+      subtree: true,
+    });
+    all();
+  });
+})();
+
+/* Pages opened from disk may not read each other, so search there shows titles without excerpts. */
+if (location.protocol === "file:" && typeof DOCUMENTATION_OPTIONS !== "undefined") {
+  DOCUMENTATION_OPTIONS.SHOW_SEARCH_SUMMARY = false;
+}

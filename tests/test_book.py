@@ -1,0 +1,209 @@
+"""The built book: complete, self-contained, readable on a desk and on a telephone."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+from collections.abc import Iterator
+from pathlib import Path
+from urllib.parse import unquote, urldefrag, urlsplit
+
+import pytest
+from bs4 import BeautifulSoup
+
+ROOT = Path(__file__).resolve().parents[1]
+SYSTEM_PAGES = {"genindex.html", "search.html", "index.html"}
+
+
+def pages(book: Path) -> list[Path]:
+    """Pages written for readers, and those that Sphinx adds."""
+    found = [path for path in book.rglob("*.html") if "_static" not in path.parts]
+    assert found, f"no pages under {book}"
+    return sorted(found)
+
+
+def written_pages(book: Path) -> list[Path]:
+    """Pages that have a source in book/."""
+    return [path for path in pages(book) if path.parent != book]
+
+
+def soup(path: Path) -> BeautifulSoup:
+    """A parsed page."""
+    return BeautifulSoup(path.read_text(encoding="utf-8"), "html.parser")
+
+
+def references(document: BeautifulSoup) -> Iterator[str]:
+    """Every address that a page links to or loads."""
+    for tag in document.find_all(True):
+        for attribute in ("href", "src", "data"):
+            if isinstance(tag.get(attribute), str):
+                yield tag[attribute]
+
+
+def identifiers(path: Path) -> set[str]:
+    """Every target that a fragment can name on a page."""
+    return {tag["id"] for tag in soup(path).find_all(id=True)} | {""}
+
+
+def open_everywhere(page, book: Path, address: str, name: str) -> Iterator[str]:
+    """Open a page from the web server and from disk, yielding its address each time."""
+    for url in (f"{address}/{name}", (book / name).as_uri()):
+        page.goto(url, wait_until="load")
+        page.wait_for_timeout(300)
+        yield url
+
+
+def test_the_book_builds(build_faults: list[str]) -> None:
+    if build_faults:
+        pytest.fail("the book has warnings or failing pages:\n" + "\n".join(build_faults), False)
+
+
+def test_every_source_page_is_in_the_book(book: Path) -> None:
+    sources = {path.stem for path in (ROOT / "book").glob("*.md")}
+    assert {path.stem for path in written_pages(book)} >= sources
+
+
+def test_internal_links_resolve(book: Path) -> None:
+    broken, targets = [], {}
+    for path in pages(book):
+        for reference in references(soup(path)):
+            parts = urlsplit(reference)
+            if parts.scheme or parts.netloc:
+                continue
+            address, fragment = urldefrag(reference)
+            file = unquote(urlsplit(address).path)
+            target = (path.parent / file).resolve() if file else path
+            if target.is_dir():
+                target /= "index.html"
+            if not target.exists():
+                broken.append(f"{path.relative_to(book)} -> {reference}")
+            elif target.suffix == ".html" and fragment:
+                known = targets.setdefault(target, identifiers(target))
+                if unquote(fragment) not in known:
+                    broken.append(f"{path.relative_to(book)} -> {reference} (no such target)")
+    assert not broken, "\n".join(broken)
+
+
+def test_pictures_have_alternative_text(book: Path) -> None:
+    bare = [
+        f"{path.relative_to(book)}: {str(image)[:120]}"
+        for path in written_pages(book)
+        for image in soup(path).find_all("img")
+        if not image.get("alt", "").strip() or image["alt"].startswith(("../", "_images"))
+    ]
+    assert not bare, "pictures without alternative text:\n" + "\n".join(bare)
+
+
+def test_title_language_and_favicon(book: Path) -> None:
+    for path in written_pages(book):
+        document = soup(path)
+        assert "Variational Transfer of Value Functions" in document.title.text, path
+        assert document.html["lang"] == "en", path
+        icon = document.find("link", rel="icon")
+        assert icon is not None, path
+        assert (path.parent / icon["href"]).is_file(), path
+
+
+def test_pages_stay_light(book: Path) -> None:
+    heavy = {
+        path.name: round(path.stat().st_size / 1e6, 1)
+        for path in written_pages(book)
+        if path.stat().st_size > 4e6
+    }
+    assert not heavy, f"pages over 4 MB: {heavy}"
+
+
+@pytest.fixture(scope="module")
+def vendored(book: Path) -> None:
+    """Skip what needs the browser scripts where the build could not fetch them and has said so."""
+    if not (book / "_static" / "vendor" / "fetched").exists():
+        pytest.skip("browser scripts could not be fetched: pages load them from public servers")
+
+
+@pytest.mark.usefixtures("vendored")
+def test_no_third_party_and_no_script_errors(book: Path, address: str, page) -> None:
+    for path in written_pages(book):
+        for url in open_everywhere(page, book, address, path.relative_to(book).as_posix()):
+            assert not page.foreign, f"{url} asks {page.foreign}"
+            assert not page.faults, f"{url}: {page.faults}"
+
+
+@pytest.mark.usefixtures("vendored")
+def test_equations_are_typeset(book: Path, address: str, page) -> None:
+    for path in written_pages(book):
+        count = len(soup(path).select("span.math, div.math"))
+        if not count:
+            continue
+        for url in open_everywhere(page, book, address, path.relative_to(book).as_posix()):
+            page.wait_for_function(
+                "n => document.querySelectorAll('.math mjx-container').length >= n", arg=count
+            )
+            assert page.locator("mjx-merror").count() == 0, url
+
+
+def test_search_finds_a_page(book: Path, address: str, page) -> None:
+    for _ in open_everywhere(page, book, address, "book/index.html"):
+        page.locator(".search-button-field:visible, .search-button:visible").first.click()
+        box = page.locator("input[type=search]:visible").first
+        box.fill("posterior")
+        box.press("Enter")
+        page.wait_for_url("**/search.html*")
+        page.wait_for_selector("#search-results li a")
+        assert page.locator("#search-results li a").count() >= 1
+        assert not page.faults
+
+
+def test_dark_mode_toggles_and_is_remembered(book: Path, address: str, page) -> None:
+    def background() -> str:
+        return page.evaluate("getComputedStyle(document.body).backgroundColor")
+
+    page.goto(f"{address}/book/index.html")
+    seen = {}
+    for _ in range(3):
+        page.locator(".theme-switch-button:visible").first.click()
+        seen[page.evaluate("document.documentElement.dataset.theme")] = background()
+    assert set(seen) == {"light", "dark"}
+    assert seen["light"] != seen["dark"]
+    while page.evaluate("document.documentElement.dataset.mode") != "dark":
+        page.locator(".theme-switch-button:visible").first.click()
+    page.reload()
+    assert page.evaluate("document.documentElement.dataset.theme") == "dark"
+
+
+@pytest.mark.parametrize("width", [390, 768, 1280])
+def test_nothing_is_wider_than_the_page(book: Path, address: str, page, width: int) -> None:
+    page.set_viewport_size({"width": width, "height": 844})
+    for path in written_pages(book):
+        page.goto(f"{address}/{path.relative_to(book).as_posix()}", wait_until="load")
+        page.wait_for_timeout(500)
+        excess = page.evaluate("document.scrollingElement.scrollWidth - innerWidth")
+        assert excess <= 0, f"{path.name} is {excess} px wider than a screen of {width} px"
+
+
+@pytest.mark.usefixtures("vendored")
+def test_sliders_are_named_and_move_with_the_keyboard(book: Path, address: str, page) -> None:
+    for path in written_pages(book):
+        if "application/vnd.jupyter.widget-view+json" not in path.read_text(encoding="utf-8"):
+            continue
+        for url in open_everywhere(page, book, address, path.relative_to(book).as_posix()):
+            page.wait_for_selector(".widget-slider .noUi-handle[aria-label]", state="attached")
+            for handle in page.locator(".widget-slider .noUi-handle").all():
+                assert handle.get_attribute("aria-label") not in (None, "", "null"), url
+                before = handle.get_attribute("aria-valuetext")
+                low = handle.get_attribute("aria-valuenow") == handle.get_attribute("aria-valuemin")
+                handle.focus()
+                page.keyboard.press("ArrowRight" if low else "ArrowLeft")
+                page.wait_for_function(
+                    "([e, old]) => e.getAttribute('aria-valuetext') !== old",
+                    arg=[handle.element_handle(), before],
+                )
+
+
+@pytest.mark.skipif(shutil.which("git") is None, reason="git is not installed")
+def test_the_build_leaves_nothing_for_git(book: Path) -> None:
+    inside = subprocess.run(["git", "rev-parse"], cwd=ROOT, capture_output=True, check=False)
+    if inside.returncode:
+        pytest.skip("not a git checkout")
+    for made in ("_build/html", "book/_static/vendor/fetched", ".venv"):
+        done = subprocess.run(["git", "check-ignore", "-q", made], cwd=ROOT, check=False)
+        assert done.returncode == 0, f"{made} is not ignored"
