@@ -1,0 +1,174 @@
+import json
+import multiprocessing
+import os
+import shutil
+import signal
+import time
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from vtlib import store
+from vtlib.baselines import MellowTDSettings
+from vtlib.envs.rooms import RoomsFamily
+from vtlib.experiments import EXPERIMENTS, POOLS, Experiment, named, verify, work
+from vtlib.experiments.reproduce import reproduce
+from vtlib.sources import Pool
+from vtlib.transfer import Settings
+
+POOL = Pool(
+    "tiny-pool",
+    RoomsFamily(rooms=2),
+    count=3,
+    iterations=220,
+    limit=230,
+    check_every=10,
+    episodes=2,
+    settings=MellowTDSettings(epsilon_steps=100),
+)
+TINY = Experiment(
+    "tiny",
+    POOL,
+    RoomsFamily(rooms=2),
+    {
+        "NT": MellowTDSettings(epsilon_steps=100),
+        "GVT": Settings("gaussian", lambda_=1e-4, batch=5, weights=2),
+        "2-MGVT": Settings(components=2, batch=5, weights=2),
+    },
+    runs=3,
+    sources=2,
+    iterations=220,
+    every=20,
+)
+
+
+def install(monkeypatch):
+    """A small experiment under its own names, computed in this process."""
+    monkeypatch.setitem(EXPERIMENTS, TINY.name, TINY)
+    monkeypatch.setitem(POOLS, POOL.name, POOL)
+    monkeypatch.setattr(work, "BATCH", 2)
+    monkeypatch.setattr(work, "_run_all", run_here)
+
+
+def run_here(units, root, jobs, quiet):
+    for unit in units:
+        work.run_unit(unit, root, lambda unit, share: True)
+
+
+@pytest.fixture
+def tiny(monkeypatch):
+    install(monkeypatch)
+    return TINY
+
+
+@pytest.fixture(scope="module")
+def computed(tmp_path_factory):
+    root = tmp_path_factory.mktemp("computed")
+    with pytest.MonkeyPatch.context() as monkeypatch:
+        install(monkeypatch)
+        work.complete("tiny", root, jobs=1)
+    return root
+
+
+@pytest.fixture
+def stored(tiny, computed, tmp_path):
+    return shutil.copytree(computed, tmp_path / "stored")
+
+
+def test_complete_stores_every_result_with_its_provenance(stored):
+    for owner, label in verify.results_of("tiny"):
+        _, note = work.load_result(owner, label, stored)
+        assert note["seconds"] >= 0
+        assert note["machine"]["torch"]
+    arrays, note = work.load_result("tiny", "GVT", stored)
+    assert arrays["learning"].shape == arrays["greedy"].shape == (3, 11)
+    assert list(arrays["iterations"]) == list(range(20, 221, 20))
+    assert note["config"]["algorithm"]["lambda_"] == 1e-4
+    assert not (stored / work.PARTS).exists()
+
+
+def test_a_stored_result_is_readable_without_vtlib(stored):
+    with np.load(stored / "tiny" / "NT.npz", allow_pickle=False) as arrays:
+        assert set(arrays) == {"run", "iterations", "learning", "greedy", "fingerprints"}
+    assert json.loads((stored / "tiny" / "NT.json").read_text())["label"] == "NT"
+
+
+def test_stored_runs_verify_whole_and_one_by_one(stored):
+    for owner, label in verify.results_of("tiny"):
+        assert verify.mismatches(owner, label, stored) == []
+    assert verify.mismatches("tiny", "2-MGVT", stored, members=[2]) == []
+
+
+@pytest.mark.parametrize("label", ["GVT", "2-MGVT", "NT"])
+def test_a_shifted_seed_does_not_verify(stored, label, monkeypatch):
+    shifted = replace(TINY, stream="other")
+    monkeypatch.setitem(EXPERIMENTS, "tiny", shifted)
+    monkeypatch.setattr(work, "_check_config", lambda *a: None)
+    assert verify.mismatches("tiny", label, stored) == [0, 1, 2]
+
+
+def test_changed_arrays_do_not_verify(stored):
+    path = stored / "tiny" / "NT"
+    arrays, note = store.load(path)
+    store.remove(path)
+    arrays["fingerprints"][1, 2, 0] += 1.0
+    store.save(path, arrays, note)
+    assert verify.mismatches("tiny", "NT", stored) == [1]
+
+
+def test_a_result_of_another_configuration_is_refused(stored, monkeypatch):
+    monkeypatch.setitem(EXPERIMENTS, "tiny", replace(TINY, iterations=240))
+    with pytest.raises(store.TornResult, match="another configuration"):
+        work.load_result("tiny", "NT", stored)
+
+
+def test_finished_units_are_not_computed_again(stored, monkeypatch):
+    kept = {u.result: (stored / f"{u.result}.npz").read_bytes() for u in work.run_units(TINY)}
+    store.remove(stored / "tiny" / "GVT")
+    ran = []
+    monkeypatch.setattr(work, "_run_all", lambda us, *rest: (ran.extend(us), run_here(us, *rest)))
+    work.complete("tiny", stored, jobs=1)
+    assert {u.label for u in ran} == {"GVT"}
+    for result, data in kept.items():
+        assert (stored / f"{result}.npz").read_bytes() == data
+
+
+def test_reproduce_says_what_is_identical(stored, tmp_path):
+    lines = reproduce(["tiny"], stored, tmp_path / "fresh", jobs=1)
+    assert len(lines) == len(verify.results_of("tiny"))
+    assert all("identical" in line for line in lines)
+
+
+def test_unknown_experiment():
+    with pytest.raises(ValueError, match="unknown experiment 'romos'; known are rooms-evaluation"):
+        named("romos")
+
+
+def _complete_in_child(root):
+    EXPERIMENTS[TINY.name], POOLS[POOL.name] = TINY, POOL
+    work.BATCH = 1
+    work._run_all = run_here
+    work.complete("tiny", root, jobs=1)
+
+
+@pytest.mark.parametrize("wait", [0.0, 0.4, 1.2])
+def test_killed_at_any_moment_the_same_call_finishes_with_the_same_files(
+    stored, tmp_path, wait, tiny
+):
+    root = tmp_path / "killed"
+    root.mkdir()
+    child = multiprocessing.get_context("fork").Process(target=_complete_in_child, args=(root,))
+    child.start()
+    while child.is_alive() and not any(root.rglob("*.json")):
+        time.sleep(0.01)
+    time.sleep(wait)
+    if child.is_alive():
+        os.kill(child.pid, signal.SIGKILL)
+    child.join()
+    work.complete("tiny", root, jobs=1)
+    for owner, label in verify.results_of("tiny"):
+        again, _ = store.load(root / owner / label)
+        first, _ = store.load(stored / owner / label)
+        for key in first:
+            np.testing.assert_allclose(again[key], first[key], rtol=1e-3, atol=1e-3)

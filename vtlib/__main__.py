@@ -1,0 +1,88 @@
+"""Command line: python -m vtlib run | verify | reproduce | bench."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from pathlib import Path
+
+import torch
+
+from vtlib import bench, store
+from vtlib.experiments import EXPERIMENTS, named
+from vtlib.experiments.reproduce import reproduce
+from vtlib.experiments.verify import mismatches, results_of
+from vtlib.experiments.work import complete
+from vtlib.training import Diverged
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run one command; errors of the user's making are one line and exit code 2."""
+    options = _parser().parse_args(arguments)
+    torch.set_num_threads(1)
+    try:
+        return options.command(options)
+    except (ValueError, FileNotFoundError, FileExistsError, store.TornResult, Diverged) as error:
+        print(f"vtlib: {error}", file=sys.stderr)
+        return 2
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="python -m vtlib", description=__doc__)
+    commands = parser.add_subparsers(required=True, metavar="command")
+    run = commands.add_parser("run", help="compute what an experiment still lacks, and store it")
+    run.add_argument("experiment", help=f"one of {', '.join(EXPERIMENTS)}")
+    run.set_defaults(command=_run)
+    verify = commands.add_parser("verify", help="recompute the head of every stored run")
+    verify.add_argument("experiment", nargs="*", help="all when none is named")
+    verify.set_defaults(command=_verify)
+    again = commands.add_parser("reproduce", help="compute everything anew and compare")
+    again.add_argument("--only", action="append", metavar="EXPERIMENT", help="may be repeated")
+    again.add_argument(
+        "--fresh", type=Path, default=Path("_build/reproduced"), help="where to compute it"
+    )
+    again.set_defaults(command=_reproduce)
+    for command in (run, verify, again):
+        command.add_argument("--results", type=Path, default=store.results_folder())
+    for command in (run, again):
+        command.add_argument("--jobs", type=_positive, default=os.cpu_count(), help="processes")
+    speed = commands.add_parser("bench", help="milliseconds per run and iteration on one core")
+    speed.set_defaults(command=lambda options: bench.main())
+    return parser
+
+
+def _positive(text: str) -> int:
+    if not text.isdigit() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"must be a whole number of at least 1, got {text}")
+    return int(text)
+
+
+def _run(options: argparse.Namespace) -> int:
+    named(options.experiment)
+    complete(options.experiment, options.results, options.jobs)
+    print(f"{options.experiment} is complete under {options.results}")
+    return 0
+
+
+def _verify(options: argparse.Namespace) -> int:
+    names = options.experiment or list(EXPERIMENTS)
+    bad = 0
+    for owner, label in dict.fromkeys(pair for name in names for pair in results_of(name)):
+        wrong = mismatches(owner, label, options.results)
+        bad += len(wrong)
+        print(f"{owner}/{label}: {f'differs in {wrong}' if wrong else 'verified'}", flush=True)
+    return 1 if bad else 0
+
+
+def _reproduce(options: argparse.Namespace) -> int:
+    names = options.only or list(EXPERIMENTS)
+    for name in names:
+        named(name)
+    for line in reproduce(names, options.results, options.fresh, options.jobs):
+        print(line)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

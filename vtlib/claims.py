@@ -1,0 +1,131 @@
+"""What the thesis claims of its figures, as checks that stored runs pass, pass partly, or fail."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from html import escape
+
+import numpy as np
+
+from vtlib.stats import difference_interval, mean_interval
+
+REPRODUCED, PARTLY, NOT = "reproduced", "partly reproduced", "not reproduced"
+NEAR_OPTIMAL = 0.95  # a mean return of 95 % of the optimum is called optimal
+SOLVED = 0.9  # a run whose greedy policy earns 90 % of its own optimum has solved its task
+
+
+@dataclass(frozen=True)
+class Claim:
+    """A claim of the thesis in this book's words, its verdict and the numbers behind it."""
+
+    text: str
+    verdict: str
+    evidence: str
+
+
+@dataclass(frozen=True)
+class Returns:
+    """Stored returns (R, T) of one algorithm at iterations (T,), with each run's optimum (R,)."""
+
+    iterations: np.ndarray
+    learning: np.ndarray
+    greedy: np.ndarray
+    optimum: np.ndarray
+
+    def at(self, iteration: int, kind: str = "learning") -> np.ndarray:
+        """Returns (R,) at a recorded iteration; ValueError when it was not recorded."""
+        found = np.flatnonzero(self.iterations == iteration)
+        if not len(found):
+            raise ValueError(f"iteration {iteration} was not recorded")
+        return getattr(self, kind)[:, found[0]]
+
+    def solved(self, iteration: int) -> float:
+        """Share of runs whose greedy return is at least 90 % of their optimum."""
+        return float((self.at(iteration, "greedy") >= SOLVED * self.optimum).mean())
+
+
+def verdict(passed: Sequence[bool]) -> str:
+    """Reproduced when every part passes, partly when some do, not when none does."""
+    if all(passed):
+        return REPRODUCED
+    return PARTLY if any(passed) else NOT
+
+
+def optimal_by(name: str, runs: Returns, iteration: int) -> Claim:
+    """The mean learning return is optimal (95 % of the optimum) by an iteration, or soon after."""
+    share = _mean(runs.at(iteration)) / _mean(runs.optimum)
+    later = _mean(runs.learning[:, -1]) / _mean(runs.optimum)
+    kept = runs.learning.mean(0) / _mean(runs.optimum) >= NEAR_OPTIMAL
+    when = f"first at {runs.iterations[kept.argmax()]:,}" if kept.any() else "never"
+    return Claim(
+        f"{name} performs optimally by about {iteration:,} iterations.",
+        verdict([share >= NEAR_OPTIMAL, later >= NEAR_OPTIMAL]),
+        f"Learning return at {iteration:,}: {share:.0%} of the optimum; at the end {later:.0%}. "
+        f"{NEAR_OPTIMAL:.0%} of the optimum is reached {when}.",
+    )
+
+
+def solves_most(name: str, runs: Returns, iteration: int) -> Claim:
+    """At an iteration the greedy policy has solved more than half of the tasks."""
+    share, end = runs.solved(iteration), runs.solved(int(runs.iterations[-1]))
+    return Claim(
+        f"{name} has solved most tasks by {iteration:,} iterations.",
+        verdict([share > 0.5, end > 0.5]),
+        f"Greedy policy within {1 - SOLVED:.0%} of the optimum in {share:.0%} of the runs at "
+        f"{iteration:,} iterations, in {end:.0%} at the end.",
+    )
+
+
+def only_beginning(name: str, runs: Returns, iteration: int) -> Claim:
+    """At an iteration the learning return is above zero but below half of the optimum."""
+    value, optimum = mean_interval(runs.at(iteration)), _mean(runs.optimum)
+    return Claim(
+        f"{name} is only beginning to find the goal after {iteration:,} iterations.",
+        verdict([bool(value.centre > 0), bool(value.centre < 0.5 * optimum)]),
+        f"Learning return at {iteration:,}: {_interval(value)}, "
+        f"that is {value.centre / optimum:.0%} of the optimum.",
+    )
+
+
+def better_and_steadier(first: str, a: Returns, second: str, b: Returns, iteration: int) -> Claim:
+    """One algorithm earns at least as much as another, paired by run, with less variance."""
+    gain = difference_interval(a.at(iteration), b.at(iteration))
+    spread_a, spread_b = a.at(iteration).std(ddof=1), b.at(iteration).std(ddof=1)
+    return Claim(
+        f"{first} does at least as well as {second}, with less variance.",
+        verdict([bool(gain.centre >= 0), bool(spread_a < spread_b)]),
+        f"At {iteration:,} iterations {first} minus {second}: {_interval(gain)}; standard "
+        f"deviation over runs {spread_a:.3f} against {spread_b:.3f}.",
+    )
+
+
+def no_better(first: str, a: Returns, second: str, b: Returns, iteration: int) -> Claim:
+    """More components bring no clear advantage: the paired difference is not clearly positive."""
+    during = difference_interval(a.learning.mean(1), b.learning.mean(1))
+    end = difference_interval(a.at(iteration), b.at(iteration))
+    return Claim(
+        f"{first} has no clear advantage over {second}.",
+        verdict([bool(during.low <= 0), bool(end.low <= 0)]),
+        f"{first} minus {second}: {_interval(during)} averaged over the run, {_interval(end)} at "
+        f"{iteration:,} iterations.",
+    )
+
+
+def table(claims: Sequence[Claim]) -> str:
+    """The claims as an HTML table with their verdicts and numbers."""
+    rows = "".join(
+        f"<tr><td>{escape(c.text)}</td><td class='verdict {c.verdict.split()[0]}'>"
+        f"{escape(c.verdict)}</td><td>{escape(c.evidence)}</td></tr>"
+        for c in claims
+    )
+    head = "<tr><th>Claim</th><th>Verdict</th><th>Numbers</th></tr>"
+    return f"<table class='claims'><thead>{head}</thead><tbody>{rows}</tbody></table>"
+
+
+def _mean(values: np.ndarray) -> float:
+    return float(np.mean(values))
+
+
+def _interval(value) -> str:
+    return f"{value.centre:.3f} (95 % interval {value.low:.3f} to {value.high:.3f})"

@@ -1,0 +1,47 @@
+"""The greedy return: what the policy of the mean Q-function earns, on random numbers of its own."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+
+from vtlib.envs.episodes import Tasks
+from vtlib.qfunctions import QFunction
+from vtlib.streams import Stream
+
+
+class GreedyReturn:
+    """Mean discounted return (R,) of ``episodes`` episodes of each run's greedy policy.
+
+    Every evaluation draws the same count of random numbers from its own streams, whatever
+    happens in the episodes, and so leaves the learning run alone.
+    """
+
+    def __init__(
+        self, q: QFunction, tasks: Tasks, noise: Stream, starts: Stream, episodes: int = 10
+    ) -> None:
+        self._q, self._noise, self._starts, self._episodes = q, noise, starts, episodes
+        self._runs = len(tasks)
+        self._tasks = tasks.select(torch.arange(self._runs).repeat_interleave(episodes))
+
+    def __call__(self, mu: Tensor) -> Tensor:
+        """Evaluate means mu (R, C, d); with several components Q is averaged over them."""
+        tasks, copies = self._tasks, self._runs * self._episodes
+        noise = self._noise.normal(self._episodes * tasks.horizon * tasks.noise_dim)
+        noise = noise.reshape(copies, tasks.horizon, tasks.noise_dim)
+        starts = self._starts.uniform(self._episodes * tasks.start_dim)
+        state = tasks.start(starts.reshape(copies, tasks.start_dim))
+        alive, total, discount = torch.ones(copies), torch.zeros(copies), 1.0
+        for h in range(tasks.horizon):
+            action = self._greedy(mu, tasks.observe(state))
+            state, reward, terminal = tasks.step(state, action, noise[:, h])
+            total.add_(reward * alive, alpha=discount)
+            alive *= ~terminal
+            discount *= tasks.gamma
+            if not alive.any():
+                break
+        return total.view(self._runs, self._episodes).mean(1)
+
+    def _greedy(self, mu: Tensor, obs: Tensor) -> Tensor:
+        values = self._q.q(mu, self._q.prepare(obs.view(self._runs, self._episodes, -1)))
+        return values.mean(1).argmax(1).view(-1)

@@ -1,0 +1,125 @@
+"""One batch of runs of an experiment: draw targets and sources, build the agents, train."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+
+from vtlib.baselines import MellowTD, MellowTDSettings
+from vtlib.envs.episodes import Episodes
+from vtlib.envs.rooms import Rooms
+from vtlib.evaluation import GreedyReturn
+from vtlib.experiments.rooms import Algorithm, Experiment
+from vtlib.planning import optimal_return
+from vtlib.sources import draw_tasks, rooms_q
+from vtlib.streams import Stream, generator
+from vtlib.training import FINGERPRINTS, Agent, Curves, train
+from vtlib.transfer import VariationalTransfer
+
+EVALUATION_EPISODES = 10
+
+
+@dataclass
+class Batch:
+    """Some runs of one algorithm, ready to train."""
+
+    agent: Agent
+    episodes: Episodes
+    greedy_return: GreedyReturn
+    names: list[str]
+
+
+def targets(experiment: Experiment, runs: Sequence[int]) -> Rooms:
+    """The target task of each run."""
+    return draw_tasks(experiment.family, experiment.stream, runs)
+
+
+def chosen_sources(experiment: Experiment, runs: Sequence[int]) -> np.ndarray:
+    """Indices (R, sources) of the pool's sources that each run transfers from."""
+    return np.stack(
+        [
+            generator(experiment.stream, run, "sources").choice(
+                experiment.pool.count, experiment.sources, replace=False
+            )
+            for run in runs
+        ]
+    )
+
+
+def prepare(
+    experiment: Experiment, label: str, algorithm: Algorithm, runs: Sequence[int], pool: np.ndarray
+) -> Batch:
+    """Agents, episodes and evaluation of some runs; pool (count, d) are the source weights.
+
+    label names the algorithm in errors.
+    """
+    q, tasks = rooms_q(), targets(experiment, runs)
+
+    def stream(role: str) -> Stream:
+        return Stream(experiment.stream, runs, role)
+
+    agent: Agent
+    if isinstance(algorithm, MellowTDSettings):
+        start = torch.zeros(len(runs), q.d)
+        agent = MellowTD(
+            q, start, Rooms.obs_dim, algorithm, stream("exploration"), stream("replay")
+        )
+    else:
+        sources = torch.from_numpy(pool[chosen_sources(experiment, runs)])
+        agent = VariationalTransfer(
+            q,
+            sources,
+            Rooms.obs_dim,
+            algorithm,
+            stream("posterior"),
+            stream("component"),
+            stream("replay"),
+        )
+    return Batch(
+        agent,
+        Episodes(tasks, stream("noise"), stream("start")),
+        GreedyReturn(q, tasks, stream("test noise"), stream("test start"), EVALUATION_EPISODES),
+        [f"run {run} of {experiment.name}, {label}" for run in runs],
+    )
+
+
+def run_batch(
+    experiment: Experiment,
+    label: str,
+    runs: Sequence[int],
+    pool: np.ndarray,
+    progress: Callable[[int], bool] | None = None,
+) -> Curves:
+    """Train some runs of the algorithm of that label to the experiment's end."""
+    batch = prepare(experiment, label, experiment.algorithms[label], runs, pool)
+    return train(
+        batch.agent,
+        batch.episodes,
+        batch.greedy_return,
+        experiment.iterations,
+        experiment.every,
+        batch.names,
+        progress,
+    )
+
+
+def head(experiment: Experiment, label: str, runs: Sequence[int], pool: np.ndarray) -> np.ndarray:
+    """Fingerprints (R, 3, 4) of the first iterations of some runs, computed anew."""
+    batch = prepare(experiment, label, experiment.algorithms[label], runs, pool)
+    last = FINGERPRINTS[-1]
+    curves = train(batch.agent, batch.episodes, batch.greedy_return, last, last + 1, batch.names)
+    return curves.fingerprints
+
+
+def task_table(experiment: Experiment) -> dict[str, np.ndarray]:
+    """Targets, chosen sources and planned optimum of all runs."""
+    runs = range(experiment.runs)
+    tasks = targets(experiment, runs)
+    return {
+        "doors": tasks.doors.numpy(),
+        "sources": chosen_sources(experiment, runs),
+        "optimum": optimal_return(tasks).numpy(),
+    }

@@ -1,0 +1,56 @@
+"""Trust in stored runs: their first iterations, computed anew, must leave the same fingerprints."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from vtlib import sources, store
+from vtlib.experiments import POOLS, named
+from vtlib.experiments import runs as runs_of
+from vtlib.experiments.work import load_result, pool_weights
+
+# Two machines round differently; what any change of the method, the seeds or the tasks does to a
+# fingerprint is larger by orders of magnitude.
+RELATIVE = 1e-3
+ABSOLUTE = 1e-3
+
+
+def mismatches(
+    owner: str, label: str, root: Path, members: Sequence[int] | None = None
+) -> list[int]:
+    """Members (runs or sources) of a stored result whose recomputed head differs from it.
+
+    All members unless some are named. Raises as ``load_result`` does.
+    """
+    arrays, _ = load_result(owner, label, root)
+    if label == "tasks":
+        return _task_mismatches(owner, arrays)
+    chosen = list(range(len(arrays["fingerprints"])) if members is None else members)
+    if owner in POOLS:
+        computed = sources.head(POOLS[owner], chosen)
+    else:
+        experiment = named(owner)
+        computed = runs_of.head(experiment, label, chosen, pool_weights(experiment.pool, root))
+    alike = np.isclose(computed, arrays["fingerprints"][chosen], RELATIVE, ABSOLUTE)
+    return [m for m, same in zip(chosen, alike.all((1, 2)), strict=True) if not same]
+
+
+def _task_mismatches(owner: str, arrays: store.Arrays) -> list[int]:
+    experiment = named(owner)
+    runs = range(experiment.runs)
+    same = np.isclose(arrays["doors"], runs_of.targets(experiment, runs).doors.numpy()).all(1)
+    same &= (arrays["sources"] == runs_of.chosen_sources(experiment, runs)).all(1)
+    return [run for run in runs if not same[run]]
+
+
+def results_of(name: str) -> list[tuple[str, str]]:
+    """Every stored result behind an experiment, as (owner, label)."""
+    experiment = named(name)
+    return [
+        (experiment.pool.name, "sources"),
+        (experiment.name, "tasks"),
+        *((experiment.name, label) for label in experiment.algorithms),
+    ]

@@ -1,0 +1,171 @@
+"""Q-functions over a flat weight vector: radial bases, multilayer perceptrons, any torch module.
+
+Every Q-function offers the same four things: ``d`` weights, ``prepare(obs)`` (what may be computed
+once for all weights), ``q(w, x)`` and ``vjp(w, x)``. Weights are (R, K, d): K weight vectors for
+each of R runs. Observations are (R, B, obs_dim) and shared by the K vectors. Values come as
+(R, K, A, B), actions before states, so that reductions over actions run along contiguous memory.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from itertools import pairwise
+from typing import Protocol
+
+import torch
+from torch import Tensor, nn
+from torch.func import functional_call, vjp, vmap
+
+# Features below float32's rounding of their sum are zero: left in, they and their products become
+# denormal numbers, on which a processor is many times slower.
+ROUNDING = 1e-7
+FAR = -30.0
+
+
+class QFunction(Protocol):
+    """What the algorithms need of a Q-function."""
+
+    d: int
+    n_actions: int
+
+    def prepare(self, obs: Tensor) -> Tensor:
+        """What can be computed from observations (R, B, obs_dim) before weights are known."""
+
+    def q(self, w: Tensor, x: Tensor) -> Tensor:
+        """Values (R, K, A, B) of weights (R, K, d) at prepared observations (R, B, ...)."""
+
+    def vjp(self, w: Tensor, x: Tensor) -> tuple[Tensor, Callable[[Tensor], Tensor]]:
+        """Values, and the map from a cotangent (R, K, A, B) to a gradient (R, K, d)."""
+
+
+class RBFLinear:
+    """Linear in Gaussian radial bases on a square grid, normalised to sum to one, no bias.
+
+    centers: (m,) coordinates of the grid on either axis of a two-dimensional observation;
+    variance of each basis in squared units of the observation. d = n_actions * m * m weights,
+    one block of m * m per action. The rooms use m = 11 integer centres and variance 1/9.
+    """
+
+    def __init__(self, centers: Tensor, variance: float, n_actions: int) -> None:
+        if not variance > 0:
+            raise ValueError(f"variance must be positive, got {variance}")
+        self.n_actions = n_actions
+        self.d = n_actions * len(centers) ** 2
+        self._centers = centers
+        self._rate = 0.5 / variance
+
+    def prepare(self, obs: Tensor) -> Tensor:
+        """Features (R, m * m, B), one column per observation of (R, B, 2)."""
+        # the Gaussian and its normaliser both factor over the axes
+        apart = obs.transpose(-1, -2).unsqueeze(-2) - self._centers.unsqueeze(-1)
+        axes = apart.square_().mul_(-self._rate)
+        axes = axes.sub_(axes.amax(-2, keepdim=True)).clamp_(min=FAR).exp_()
+        axes = axes.div_(axes.sum(-2, keepdim=True))
+        axes = nn.functional.threshold_(axes, ROUNDING, 0.0)
+        return (axes[:, 0].unsqueeze(2) * axes[:, 1].unsqueeze(1)).flatten(1, 2)
+
+    def q(self, w: Tensor, x: Tensor) -> Tensor:
+        """Values (R, K, A, B) of weights (R, K, d) at features (R, m * m, B)."""
+        runs, k, _ = w.shape
+        rows = w.reshape(runs, k * self.n_actions, -1)
+        return torch.bmm(rows, x).view(runs, k, self.n_actions, -1)
+
+    def vjp(self, w: Tensor, x: Tensor) -> tuple[Tensor, Callable[[Tensor], Tensor]]:
+        """Values, and the map from a cotangent (R, K, A, B) to a gradient (R, K, d)."""
+
+        def pullback(cotangent: Tensor) -> Tensor:
+            return torch.bmm(cotangent.flatten(1, 2), x.transpose(1, 2)).view(w.shape)
+
+        return self.q(w, x), pullback
+
+
+class MLP:
+    """Multilayer perceptron with ReLU units; sizes lists the layers, e.g. (4, 32, 2).
+
+    The flat weight vector holds, layer by layer, the matrix (out, in) and then the bias (out).
+    """
+
+    def __init__(self, sizes: Sequence[int]) -> None:
+        if len(sizes) < 2 or any(size < 1 for size in sizes):
+            raise ValueError(f"sizes must list at least two positive layer sizes, got {sizes}")
+        self._layers = list(pairwise(sizes))
+        self.n_actions = sizes[-1]
+        self.d = sum(out * (into + 1) for into, out in self._layers)
+
+    def prepare(self, obs: Tensor) -> Tensor:
+        """Observations (R, B, obs_dim) as columns (R, 1, obs_dim, B)."""
+        return obs.transpose(-1, -2).unsqueeze(-3)
+
+    def q(self, w: Tensor, x: Tensor) -> Tensor:
+        """Values (R, K, A, B) of weights (R, K, d) at prepared observations."""
+        return self._forward(w, x)[-1][1]
+
+    def vjp(self, w: Tensor, x: Tensor) -> tuple[Tensor, Callable[[Tensor], Tensor]]:
+        """Values, and the map from a cotangent (R, K, A, B) to a gradient (R, K, d)."""
+        passed = self._forward(w, x)
+
+        def pullback(delta: Tensor) -> Tensor:
+            gradients = []
+            for layer in range(len(self._layers) - 1, -1, -1):
+                matrix, _ = passed[layer]
+                into = x if layer == 0 else passed[layer - 1][1]
+                gradients.append(delta.sum(-1))
+                gradients.append((delta @ into.transpose(-1, -2)).flatten(-2))
+                if layer:
+                    delta = (matrix.transpose(-1, -2) @ delta) * (into > 0)
+            return torch.cat(gradients[::-1], -1)
+
+        return passed[-1][1], pullback
+
+    def _forward(self, w: Tensor, x: Tensor) -> list[tuple[Tensor, Tensor]]:
+        """Matrix and output of each layer."""
+        passed = []
+        at = 0
+        for layer, (into, out) in enumerate(self._layers):
+            matrix = w[..., at : at + out * into].unflatten(-1, (out, into))
+            bias = w[..., at + out * into : at + out * (into + 1)]
+            x = (matrix @ x).add_(bias.unsqueeze(-1))
+            if layer < len(self._layers) - 1:
+                x = x.relu_()
+            passed.append((matrix, x))
+            at += out * (into + 1)
+        return passed
+
+
+class ModuleQ:
+    """Any torch.nn.Module from observations (B, obs_dim) to values (B, A), by torch.func.
+
+    The module's parameters, flattened in the order of ``named_parameters``, are the weights; the
+    module itself is only read. Slower than the hand-written Q-functions, and equal to them.
+    """
+
+    def __init__(self, module: nn.Module, n_actions: int) -> None:
+        self.n_actions = n_actions
+        self._module = module
+        self._shapes = {name: p.shape for name, p in module.named_parameters()}
+        self.d = sum(shape.numel() for shape in self._shapes.values())
+
+    def flatten(self, module: nn.Module) -> Tensor:
+        """The weights (d,) of a module of the same shape, such as a solved source's network."""
+        return torch.cat([p.detach().reshape(-1) for _, p in module.named_parameters()])
+
+    def prepare(self, obs: Tensor) -> Tensor:
+        """Observations as they are."""
+        return obs
+
+    def q(self, w: Tensor, x: Tensor) -> Tensor:
+        """Values (R, K, A, B) of weights (R, K, d) at observations (R, B, obs_dim)."""
+        return vmap(vmap(self._single, (0, None)))(w, x)
+
+    def vjp(self, w: Tensor, x: Tensor) -> tuple[Tensor, Callable[[Tensor], Tensor]]:
+        """Values, and the map from a cotangent (R, K, A, B) to a gradient (R, K, d)."""
+        values, pullback = vjp(lambda weights: self.q(weights, x), w)
+        return values, lambda cotangent: pullback(cotangent)[0]
+
+    def _single(self, w: Tensor, x: Tensor) -> Tensor:
+        parts = w.split([shape.numel() for shape in self._shapes.values()])
+        named = {
+            name: part.view(shape)
+            for (name, shape), part in zip(self._shapes.items(), parts, strict=True)
+        }
+        return functional_call(self._module, named, (x,)).transpose(-1, -2)

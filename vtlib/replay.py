@@ -1,0 +1,64 @@
+"""Replay buffers of many runs that advance in lock-step."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import torch
+from torch import Tensor
+
+
+class Transition(NamedTuple):
+    """One or many transitions; leading axes (R,) for one step, (R, B) for a mini-batch.
+
+    obs, next_obs: (..., obs_dim); action int64; reward float; terminal bool. A transition cut by
+    the horizon is not terminal: its next state still has a value.
+    """
+
+    obs: Tensor
+    action: Tensor
+    reward: Tensor
+    next_obs: Tensor
+    terminal: Tensor
+
+
+class ReplayBuffer:
+    """Ring buffer of the last ``capacity`` transitions of each run, sampled with replacement.
+
+    All runs add one transition at each step, so they share position and size; the buffer grows
+    with its content up to ``capacity``.
+    """
+
+    def __init__(self, runs: int, capacity: int, obs_dim: int, device: str = "cpu") -> None:
+        if capacity < 1:
+            raise ValueError(f"capacity must be at least 1, got {capacity}")
+        self._capacity = capacity
+        self._obs_dim = obs_dim
+        # one row per transition (obs, next_obs, action, reward, terminal): one write, one gather
+        self._rows = torch.zeros(runs, min(capacity, 1024), 2 * obs_dim + 3, device=device)
+        self._added = 0
+
+    def __len__(self) -> int:
+        return min(self._added, self._capacity)
+
+    def add(self, transition: Transition) -> None:
+        """Store one transition of each run, leading axis (R,), over the oldest when full."""
+        at = self._added % self._capacity
+        if at == self._rows.shape[1]:
+            room = min(self._capacity, 2 * at) - at
+            self._rows = torch.cat([self._rows, torch.zeros_like(self._rows[:, :room])], 1)
+        obs, action, reward, next_obs, terminal = transition
+        tail = torch.stack([action.float(), reward, terminal.float()], -1)
+        self._rows[:, at] = torch.cat([obs, next_obs, tail], -1)
+        self._added += 1
+
+    def sample(self, uniforms: Tensor) -> Transition:
+        """A mini-batch (R, B) chosen by uniforms (R, B) on [0, 1)."""
+        size = len(self)
+        if not size:
+            raise ValueError("cannot sample from an empty replay buffer")
+        index = (uniforms * size).long().clamp_(max=size - 1)
+        rows = self._rows.gather(1, index.unsqueeze(-1).expand(-1, -1, self._rows.shape[2]))
+        o = self._obs_dim
+        action, reward, terminal = rows[..., 2 * o :].unbind(-1)
+        return Transition(rows[..., :o], action.long(), reward, rows[..., o : 2 * o], terminal > 0)

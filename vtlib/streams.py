@@ -1,0 +1,63 @@
+"""Random streams: one generator per run and role, so that runs never disturb each other."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+
+import numpy as np
+import torch
+from torch import Tensor
+
+BLOCK = 1 << 20  # floats drawn ahead at a time, over all runs: large enough to hide Python's cost
+
+
+def generator(experiment: str, run: int, role: str) -> np.random.Generator:
+    """The generator of one run and role, the same on every machine and in every batch of runs."""
+    digest = hashlib.sha256(f"{experiment}/{run}/{role}".encode()).digest()
+    return np.random.Generator(np.random.SFC64(int.from_bytes(digest[:16], "big")))
+
+
+class Stream:
+    """Random numbers of one role for a batch of runs, one independent generator per run.
+
+    A stream always yields the same kind and count ``n`` of numbers per draw, so its values depend
+    neither on how many are drawn ahead nor on the runs beside it in the batch. Raises ValueError
+    when asked for another kind or count.
+    """
+
+    def __init__(self, experiment: str, runs: Sequence[int], role: str) -> None:
+        self._generators = [generator(experiment, run, role) for run in runs]
+        self._kind: tuple[str, int] | None = None
+        self._block = torch.empty(0)
+        self._next = 0
+
+    def normal(self, n: int) -> Tensor:
+        """Standard normal numbers, float32 of shape (R, n)."""
+        return self._draw("normal", n)
+
+    def uniform(self, n: int) -> Tensor:
+        """Numbers uniform on [0, 1), float32 of shape (R, n)."""
+        return self._draw("uniform", n)
+
+    def _draw(self, kind: str, n: int) -> Tensor:
+        if self._kind is None:
+            self._kind = (kind, n)
+        if self._kind != (kind, n):
+            raise ValueError(
+                f"this stream yields {self._kind[1]} {self._kind[0]} numbers a draw, not {n} {kind}"
+            )
+        if self._next == len(self._block):
+            ahead = max(1, min(256, BLOCK // max(1, n * len(self._generators))))
+            draws = [_numbers(g, kind, (ahead, n)) for g in self._generators]
+            self._block, self._next = torch.from_numpy(np.stack(draws, 1)), 0
+        self._next += 1
+        return self._block[self._next - 1]
+
+
+def _numbers(rng: np.random.Generator, kind: str, shape: tuple[int, int]) -> np.ndarray:
+    return (
+        rng.standard_normal(shape, np.float32)
+        if kind == "normal"
+        else rng.random(shape, np.float32)
+    )

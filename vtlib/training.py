@@ -1,0 +1,103 @@
+"""The loop that all experiments share: act, step, learn, and record the returns along the way."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from vtlib.replay import Transition
+
+FINGERPRINTS = (1, 50, 200)  # iterations at which a run leaves a fingerprint
+
+
+class Agent(Protocol):
+    """What the loop needs of an algorithm; mu (R, C, d) are the weights of its greedy policy."""
+
+    mu: Tensor
+
+    def act(self, obs: Tensor, fresh: Tensor) -> Tensor:
+        """Actions (R,)."""
+
+    def learn(self, transition: Transition) -> None:
+        """Take in one transition of each run."""
+
+
+class Stepper(Protocol):
+    """Episodes in lock-step, as in ``vtlib.envs.episodes``."""
+
+    obs: Tensor
+    fresh: Tensor
+
+    def step(self, action: Tensor) -> Transition:
+        """Apply actions (R,)."""
+
+
+class Diverged(RuntimeError):
+    """Raised when a run's weights are no longer finite; the message names the run."""
+
+
+@dataclass
+class Curves:
+    """Returns of R runs at T recorded iterations, and the runs' fingerprints (R, 3, 4)."""
+
+    iterations: np.ndarray
+    learning: np.ndarray
+    greedy: np.ndarray
+    fingerprints: np.ndarray
+
+
+def train(
+    agent: Agent,
+    episodes: Stepper,
+    evaluate: Callable[[Tensor], Tensor],
+    iterations: int,
+    every: int,
+    names: list[str],
+    progress: Callable[[int], bool] | None = None,
+) -> Curves:
+    """Run the loop for a number of iterations, evaluating every so many of them.
+
+    An iteration is one environment step followed by one gradient step. names (R,) are used in
+    errors. progress is told the iteration at each evaluation and stops the loop by returning
+    False. Raises Diverged when weights are not finite.
+    """
+    kept, learning, greedy, prints = [], [], [], []
+    for t in range(1, iterations + 1):
+        transition = episodes.step(agent.act(episodes.obs, episodes.fresh))
+        agent.learn(transition)
+        if t in FINGERPRINTS:
+            prints.append(fingerprint(agent, episodes))
+        if t % every == 0:
+            check_finite(agent.mu, names, t)
+            kept.append(t)
+            learning.append(episodes.returns.mean().numpy())
+            greedy.append(evaluate(agent.mu).numpy())
+            if progress is not None and not progress(t):
+                break
+    shape = (0, len(names))
+    return Curves(
+        np.array(kept),
+        np.stack(learning, 1) if learning else np.zeros(shape[::-1]),
+        np.stack(greedy, 1) if greedy else np.zeros(shape[::-1]),
+        np.stack(prints, 1) if prints else np.zeros((len(names), 0, 4)),
+    )
+
+
+def fingerprint(agent: Agent, episodes: Stepper) -> np.ndarray:
+    """Four numbers (R, 4) that any change of a run's course would change."""
+    mu = agent.mu.detach().double().flatten(1)
+    parts = [mu.sum(1), mu.square().sum(1), episodes.obs.double().sum(1)]
+    return torch.stack([*parts, episodes.returns.mean().double()], 1).numpy()
+
+
+def check_finite(mu: Tensor, names: list[str], iteration: int) -> None:
+    """Raise Diverged naming the first run whose weights are not finite."""
+    bad = ~torch.isfinite(mu).flatten(1).all(1)
+    if bad.any():
+        first = names[int(bad.nonzero()[0])]
+        raise Diverged(f"{first} diverged: its weights are not finite at iteration {iteration}")

@@ -1,0 +1,228 @@
+"""Variational transfer (Algorithm 1): a posterior over Q weights, acted upon by Thompson sampling.
+
+The posterior is a mixture of C equally weighted Gaussians; a single Gaussian with a Gaussian prior
+is GVT (section 5.2.1), a mixture with one prior component per source is c-MGVT (section 5.2.2).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from vtlib.factor import CholeskyFactors
+from vtlib.gaussian import (
+    Gaussian,
+    Precision,
+    covariance_factor,
+    low_rank_precision,
+    sources_mean_and_spread,
+)
+from vtlib.mellow import check_psi, td_cotangent
+from vtlib.mixture import pull_of_sources
+from vtlib.qfunctions import QFunction
+from vtlib.replay import ReplayBuffer, Transition
+from vtlib.streams import Stream
+
+CLIP = 1000.0  # elementwise bound on every gradient
+PRIOR_JITTER = 1e-4  # added to the covariance of the Gaussian prior, so that it has an inverse
+POSTERIOR_JITTER = 1e-8  # added to the covariance from which the Gaussian posterior starts
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Parameters of variational transfer, named as in the thesis (appendix A).
+
+    family: "gaussian" (GVT) or "mixture" (MGVT) with ``components`` C. lambda_: weight of the KL
+    (eq. 5.2). psi: share of the full gradient (eq. 5.4). weights: posterior samples per gradient
+    and component. alpha_mu, alpha_L: step sizes of the means (Adam) and of L (SGD). sigma_p2:
+    variance of the prior's components. sigma_min: least value on the diagonal of L. init: where a
+    mixture starts, "sources" (the minimiser of the bound, C different sources) or "mean" (all on
+    their mean). act: draw weights at every "step" or once an "episode". Raises ValueError for a
+    value outside its range.
+    """
+
+    family: str = "mixture"
+    components: int = 1
+    lambda_: float = 1e-6
+    psi: float = 0.5
+    kappa: float = 100.0
+    gamma: float = 0.99
+    batch: int = 50
+    buffer: int = 10_000
+    weights: int = 10
+    alpha_mu: float = 1e-3
+    alpha_L: float = 0.1
+    sigma_p2: float = 1e-5
+    sigma_min: float = 1e-4
+    init: str = "sources"
+    act: str = "step"
+
+    def __post_init__(self) -> None:
+        check_psi(self.psi)
+        if not (math.isfinite(self.lambda_) and self.lambda_ >= 0):
+            raise ValueError(f"lambda_ must be finite and at least 0, got {self.lambda_}")
+        if not 0 <= self.gamma < 1:
+            raise ValueError(f"gamma must lie in [0, 1), got {self.gamma}")
+        for name in ("components", "batch", "buffer", "weights"):
+            value = getattr(self, name)
+            if not (isinstance(value, int) and value >= 1):
+                raise ValueError(f"{name} must be a whole number of at least 1, got {value}")
+        for name in ("kappa", "alpha_mu", "alpha_L", "sigma_p2", "sigma_min"):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and value > 0):
+                raise ValueError(f"{name} must be finite and positive, got {value}")
+        for name, allowed in (
+            ("family", ("gaussian", "mixture")),
+            ("init", ("sources", "mean")),
+            ("act", ("step", "episode")),
+        ):
+            if getattr(self, name) not in allowed:
+                raise ValueError(f"{name} must be one of {allowed}, got {getattr(self, name)!r}")
+        if self.family == "gaussian" and self.components != 1:
+            raise ValueError(f"a gaussian posterior has 1 component, got {self.components}")
+
+
+class VariationalTransfer:
+    """Algorithm 1 for R runs in lock-step: ``act``, then ``learn`` from the transition.
+
+    sources: (R, S, d), the S source weights of each run. noise, component and replay are the
+    streams of posterior samples, of the acting component and of mini-batches. ``mu`` (R, C, d) are
+    the posterior's means. Raises ValueError when sources are missing, not finite or not of the
+    Q-function's shape.
+    """
+
+    def __init__(
+        self,
+        q: QFunction,
+        sources: Tensor,
+        obs_dim: int,
+        settings: Settings,
+        noise: Stream,
+        component: Stream,
+        replay: Stream,
+    ) -> None:
+        check_sources(sources, q.d)
+        self._q, self._settings, self._sources = q, settings, sources
+        self._noise, self._component, self._replay = noise, component, replay
+        posterior, precision = initial_posterior(sources, settings)
+        self.mu = posterior.mu
+        self._prior_mean, self._precision = sources.mean(1, keepdim=True), precision
+        self._factors = CholeskyFactors(
+            posterior.L.flatten(0, 1), precision, settings.alpha_L, settings.sigma_min, CLIP
+        )
+        self._adam = torch.optim.Adam([self.mu], lr=settings.alpha_mu, fused=True)
+        self._buffer = ReplayBuffer(len(sources), settings.buffer, obs_dim)
+        self._steps = 0
+        self._sample()
+        self._acting = self._thompson()
+
+    @property
+    def L(self) -> Tensor:
+        """The posterior's Cholesky factors, (R, C, d, d)."""
+        return self._factors.L.unflatten(0, self.mu.shape[:2])
+
+    def act(self, obs: Tensor, fresh: Tensor) -> Tensor:
+        """Greedy actions (R,) of one posterior sample; fresh (R,) marks first steps of episodes."""
+        if self._settings.act == "step":
+            self._acting = self._thompson()
+        elif fresh.any():
+            self._acting = torch.where(fresh.view(-1, 1, 1), self._thompson(), self._acting)
+        values = self._q.q(self._acting, self._q.prepare(obs.unsqueeze(1)))
+        return values[:, 0, :, 0].argmax(-1)
+
+    def learn(self, transition: Transition) -> None:
+        """Store one transition of each run and take one gradient step on eq. 5.2."""
+        s = self._settings
+        self._buffer.add(transition)
+        self._steps += 1
+        batch = self._buffer.sample(self._replay.uniform(s.batch))
+        kl_weight = s.lambda_ / self._steps
+        runs, components, d = self.mu.shape
+        weights = self._samples[:, :, 1:].reshape(runs, components * s.weights, d)
+        # the posterior's expectation is a mean over components and over their samples
+        gradients = td_gradients(self._q, weights, batch, s.psi, s.gamma, s.kappa)
+        gradients = gradients.div_(components * s.weights).view(runs, components, s.weights, d)
+        step = gradients.sum(2).add_(self._kl_gradient(), alpha=kl_weight)
+        self.mu.grad = step.clamp_(-CLIP, CLIP)
+        self._adam.step()
+        self._factors.step(
+            gradients.flatten(0, 1), self._z[:, 1:], kl_weight=kl_weight / components
+        )
+        self._sample()
+
+    def _kl_gradient(self) -> Tensor:
+        if self._settings.family == "mixture":
+            return pull_of_sources(self.mu, self._sources, self._settings.sigma_p2)
+        return self._precision.times((self.mu - self._prior_mean).transpose(1, 2)).transpose(1, 2)
+
+    def _sample(self) -> None:
+        """Draw w = mu + L z: one to act with and ``weights`` for the gradient, per component."""
+        runs, components, d = self.mu.shape
+        count = self._settings.weights + 1
+        noise = self._noise.normal(components * count * d)
+        self._z = noise.view(runs * components, count, d)
+        self._samples = self._factors.times(self._z).view(runs, components, count, d)
+        self._samples += self.mu.unsqueeze(2)
+
+    def _thompson(self) -> Tensor:
+        """One sample (R, 1, d) of the mixture: a component, then its first draw."""
+        _, components, d = self.mu.shape
+        draws = self._samples[:, :, 0]
+        if components == 1:
+            return draws
+        index = (self._component.uniform(1) * components).long().clamp_(max=components - 1)
+        return draws.gather(1, index.unsqueeze(-1).expand(-1, -1, d))
+
+
+def td_gradients(
+    q: QFunction, weights: Tensor, batch: Transition, psi: float, gamma: float, kappa: float
+) -> Tensor:
+    """Gradients (R, K, d) of the mean squared TD error at weights (R, K, d), eq. 5.4."""
+    size = batch.obs.shape[1]
+    x = q.prepare(torch.cat([batch.obs, batch.next_obs], 1))
+    values, pullback = q.vjp(weights, x)
+    cotangents = td_cotangent(
+        values[..., :size],
+        values[..., size:],
+        batch.action.unsqueeze(1),
+        batch.reward.unsqueeze(1),
+        batch.terminal.unsqueeze(1),
+        psi,
+        gamma,
+        kappa,
+    )
+    return pullback(torch.cat(cotangents, -1))
+
+
+def initial_posterior(sources: Tensor, settings: Settings) -> tuple[Gaussian, Precision]:
+    """The posterior's start, mu (R, C, d) and L (R, C, d, d), and the prior's precision.
+
+    A Gaussian starts at the sources' mean and covariance (eqs. 5.5 and 5.6). A mixture starts at
+    the minimiser of eq. 5.13, C different sources with the prior's variance, or at their mean.
+    """
+    runs, count, d = sources.shape
+    if settings.family == "gaussian":
+        mu, spread = sources_mean_and_spread(sources)
+        factor = covariance_factor(spread, POSTERIOR_JITTER)
+        precision = low_rank_precision(spread, PRIOR_JITTER)
+        return Gaussian(mu.unsqueeze(1).contiguous(), factor.unsqueeze(1)), precision
+    components = settings.components
+    if settings.init == "sources":
+        mu = sources[:, torch.arange(components) % count].clone()
+    else:
+        mu = sources.mean(1, keepdim=True).repeat(1, components, 1)
+    eye = torch.eye(d, device=sources.device) * settings.sigma_p2**0.5
+    return Gaussian(mu, eye.repeat(runs, components, 1, 1)), Precision(1 / settings.sigma_p2)
+
+
+def check_sources(sources: Tensor, d: int) -> None:
+    """Raise ValueError unless sources are finite weights (R, S, d) with S >= 1."""
+    if sources.ndim != 3 or sources.shape[2] != d or 0 in sources.shape:
+        raise ValueError(
+            f"sources must have shape (runs, at least 1 source, {d}), got {tuple(sources.shape)}"
+        )
+    if not torch.isfinite(sources).all():
+        raise ValueError("sources must be finite, got NaN or infinity")

@@ -1,0 +1,183 @@
+"""Sliders for lambda, psi and the number of components: over stored runs, and live."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import ipywidgets as ui
+import numpy as np
+
+from vtlib.experiments.rooms import COMPONENTS, LAMBDAS, MGVT, PSIS, Experiment
+from vtlib.experiments.runs import run_batch
+from vtlib.plots import Curve, curve, learning_figure, look, small_png
+from vtlib.training import Diverged
+
+FULL = ui.Layout(width="100%")
+
+
+@dataclass(frozen=True)
+class Axis:
+    """One slider: typeset label, spoken name, values with their texts, and where it starts."""
+
+    label: str
+    name: str
+    options: Sequence[tuple[str, float]]
+    start: int
+
+
+def parameter_axes() -> list[Axis]:
+    """Sliders over the stored grid, starting at the setting of the thesis."""
+    return [
+        Axis(
+            r"\(\lambda\)",
+            "lambda, weight of the KL term",
+            [(_power(x), x) for x in LAMBDAS],
+            LAMBDAS.index(MGVT.lambda_),
+        ),
+        Axis(
+            r"\(\psi\)",
+            "psi, share of the full gradient",
+            [(f"{x:g}", x) for x in PSIS],
+            PSIS.index(MGVT.psi),
+        ),
+        Axis(r"\(C\)", "C, number of components", [(str(x), x) for x in COMPONENTS], 0),
+    ]
+
+
+def _power(value: float) -> str:
+    return f"10^{round(np.log10(value))}"
+
+
+def still_sliders(axes: Sequence[Axis], picture: Callable[..., str]) -> ui.VBox:
+    """Sliders over pictures drawn beforehand, which work without a kernel.
+
+    picture(*values) gives the HTML of one grid point. Pictures hang in nested stacks, one level
+    per axis, and each slider is linked in the browser to every stack of its level.
+    """
+    levels: list[list[ui.Stack]] = [[] for _ in axes]
+
+    def fill(depth: int, values: tuple[float, ...]) -> ui.Widget:
+        if depth == len(axes):
+            return ui.HTML(picture(*values), layout=FULL)
+        axis = axes[depth]
+        children = [fill(depth + 1, (*values, value)) for _, value in axis.options]
+        stack = ui.Stack(children, selected_index=axis.start, layout=FULL)
+        levels[depth].append(stack)
+        return stack
+
+    panel = fill(0, ())
+    sliders = []
+    for axis, stacks in zip(axes, levels, strict=True):
+        slider = _slider(axis)
+        for stack in stacks:
+            ui.jsdlink((slider, "index"), (stack, "selected_index"))
+        sliders.append(slider)
+    return ui.VBox([*sliders, panel], layout=FULL)
+
+
+def _slider(axis: Axis) -> ui.SelectionSlider:
+    return ui.SelectionSlider(
+        options=list(axis.options),
+        index=axis.start,
+        description=axis.label,
+        tooltip=axis.name,
+        layout=FULL,
+    )
+
+
+class LivePanel:
+    """Train with chosen parameters and draw the new curve over stored ones, in JupyterLab.
+
+    ``widget`` is what to display. ``run`` starts the training in a thread of its own and ``stop``
+    ends it at the next evaluation; what was learned until then is drawn.
+    """
+
+    def __init__(
+        self,
+        experiment: Experiment,
+        weights: np.ndarray,
+        stored: dict[str, list[Curve]],
+        optimum: float,
+        runs: int = 5,
+        iterations: int = 3_000,
+    ) -> None:
+        self._experiment, self._weights = experiment, weights
+        self._stored, self._optimum = stored, optimum
+        self._axes = [_slider(axis) for axis in parameter_axes()]
+        self._runs = ui.BoundedIntText(runs, min=2, max=experiment.runs, description="runs")
+        self._iterations = ui.BoundedIntText(
+            iterations, min=200, max=experiment.iterations, step=100, description="iterations"
+        )
+        self._run = ui.Button(description="Run", button_style="primary")
+        self._stop = ui.Button(description="Stop", disabled=True)
+        self._bar = ui.IntProgress(0, 0, iterations, description="progress")
+        self._says = ui.Label()
+        self._picture = ui.Image(format="png", layout=FULL)
+        self._halt = threading.Event()
+        self._thread: threading.Thread | None = None
+        self._run.on_click(lambda _: self.run())
+        self._stop.on_click(lambda _: self.stop())
+        numbers = ui.HBox([self._runs, self._iterations, self._run, self._stop])
+        self.widget = ui.VBox([*self._axes, numbers, self._bar, self._says, self._picture])
+        self._draw([])
+
+    def run(self) -> None:
+        """Start training with the panel's values."""
+        if self._thread is not None and self._thread.is_alive():
+            return
+        self._halt.clear()
+        self._bar.max, self._bar.value = self._iterations.value, 0
+        self._run.disabled, self._stop.disabled, self._says.value = True, False, "training"
+        self._thread = threading.Thread(target=self._train, daemon=True)
+        self._thread.start()
+
+    def stop(self) -> None:
+        """End the training at its next evaluation."""
+        self._halt.set()
+
+    def wait(self) -> None:
+        """Return when the training has ended."""
+        if self._thread is not None:
+            self._thread.join()
+
+    @property
+    def message(self) -> str:
+        """What the panel says of the last training."""
+        return self._says.value
+
+    def _train(self) -> None:
+        lambda_, psi, components = (slider.value for slider in self._axes)
+        settings = replace(MGVT, lambda_=lambda_, psi=psi, components=int(components))
+        live = replace(
+            self._experiment,
+            algorithms={"live": settings},
+            iterations=self._iterations.value,
+        )
+        try:
+            curves = run_batch(live, "live", range(self._runs.value), self._weights, self._progress)
+        except (Diverged, ValueError) as error:
+            self._says.value = str(error)
+        else:
+            label = f"{settings.components}-MGVT"
+            new = [
+                curve(f"{label}, just now", label, curves.iterations, values)
+                for values in (curves.learning, curves.greedy)
+            ]
+            self._draw(new)
+            done = int(curves.iterations[-1])
+            self._says.value = f"{'stopped' if self._halt.is_set() else 'done'} at {done:,}"
+        self._run.disabled, self._stop.disabled = False, True
+
+    def _progress(self, iteration: int) -> bool:
+        self._bar.value = iteration
+        return not self._halt.is_set()
+
+    def _draw(self, new: Sequence[Curve]) -> None:
+        panels = {
+            name: [*curves, *new[i : i + 1]]
+            for i, (name, curves) in enumerate(self._stored.items())
+        }
+        with look():
+            self._picture.value = small_png(learning_figure(panels, self._optimum))
