@@ -102,6 +102,21 @@ def test_steps_equal_the_dense_update_where_clipping_binds(kind, d, clip):
     assert 0 < slow.clipped < STEPS
 
 
+@pytest.mark.parametrize("kind", ["isotropic", "low rank"])
+def test_a_factor_that_has_grown_is_clipped(kind):
+    # the pull of the KL, harmless at the start, exceeds the clip once the entries are large
+    precision, matrix = prior(kind, 1, 2)
+    fast = CholeskyFactors(start(1, 2), precision, ALPHA, sigma_min=0.5, clip=20.0)
+    slow = Dense(start(1, 2), matrix, sigma_min=0.5, clip=20.0)
+    noise = torch.eye(2).unsqueeze(0)
+    for t in range(52):
+        weight = 0.0 if t < 50 else 1.0
+        for each in (fast, slow):
+            each.step(-4.0 * noise * (weight == 0), noise, weight)
+        assert slow.clipped == max(0, t - 49)
+        torch.testing.assert_close(fast.L.double(), slow.L, rtol=0, atol=1e-4)
+
+
 def test_a_start_below_sigma_min_is_lifted_to_it():
     # the bounds that decide about clipping rest on 1 / L_ii being at most 1 / sigma_min
     precision, matrix = prior("isotropic", 1, 4)

@@ -240,15 +240,19 @@ def test_gradient_steps_land_on_the_conjugate_posterior(kind):
 
 # The weight of the KL falls with the number of steps: the posterior follows with a lag of some
 # steps in 2000, and Adam's steps do not shrink, hence five per cent.
-@pytest.mark.parametrize("family", ["gaussian", "mixture"])
-def test_variational_transfer_lands_on_the_conjugate_posterior(family):
+# Several components that share one source are each on the same posterior.
+@pytest.mark.parametrize(
+    ("family", "components"), [("gaussian", 1), ("mixture", 1), ("mixture", 3)]
+)
+def test_variational_transfer_lands_on_the_conjugate_posterior(family, components):
     case, d, steps, lambda_ = regression(), 3, 2000, 1400.0
     sources = draw(1, 6 if family == "gaussian" else 1, d, seed=12)
     points = exact_moments(d)
-    drawn = torch.cat([torch.zeros(1, d), points]).view(1, -1)
+    drawn = torch.cat([torch.zeros(1, d), points]).view(1, -1).repeat(1, components)
     settings = Settings(
-        family=family, lambda_=lambda_, batch=8, buffer=8, weights=len(points),
-        alpha_mu=3e-3, alpha_L=0.05, sigma_p2=0.5,
+        family=family, components=components, lambda_=lambda_,
+        batch=8, buffer=8, weights=len(points),
+        alpha_mu=3e-3, alpha_L=0.05 * components, sigma_p2=0.5,
     )  # fmt: skip
     everything = (torch.arange(8) + 0.5).unsqueeze(0) / 8
     agent = VariationalTransfer(
@@ -263,7 +267,8 @@ def test_variational_transfer_lands_on_the_conjugate_posterior(family):
     else:
         covariance = 0.5 * torch.eye(d, dtype=torch.float64)
     exact = case.posterior(wide.mean(0), torch.linalg.inv(covariance), lambda_ / steps)
-    assert_near(agent.mu[0, 0], agent.L[0, 0], exact, tolerance=0.05)
+    for c in range(components):
+        assert_near(agent.mu[0, c], agent.L[0, c], exact, tolerance=0.05)
 
 
 def test_without_a_kl_the_mean_fits_the_targets():

@@ -36,9 +36,12 @@ class MellowTDSettings:
         check_psi(self.psi)
         if not 0 <= self.epsilon_end <= 1:
             raise ValueError(f"epsilon_end must lie in [0, 1], got {self.epsilon_end}")
+        if not 0 <= self.gamma < 1:
+            raise ValueError(f"gamma must lie in [0, 1), got {self.gamma}")
         for name in ("epsilon_steps", "batch", "buffer"):
-            if getattr(self, name) < 1:
-                raise ValueError(f"{name} must be at least 1, got {getattr(self, name)}")
+            value = getattr(self, name)
+            if not (isinstance(value, int) and value >= 1):
+                raise ValueError(f"{name} must be a whole number of at least 1, got {value}")
         for name in ("kappa", "alpha"):
             value = getattr(self, name)
             if not (math.isfinite(value) and value > 0):
@@ -61,6 +64,10 @@ class MellowTD:
         exploration: Stream,
         replay: Stream,
     ) -> None:
+        if w.ndim != 2 or w.shape[1] != q.d or not torch.isfinite(w).all():
+            raise ValueError(
+                f"weights must be finite, of shape (runs, {q.d}), got {tuple(w.shape)}"
+            )
         self._q, self._settings = q, settings
         self._exploration, self._replay = exploration, replay
         self.mu = w.unsqueeze(1).clone()

@@ -16,9 +16,10 @@ class CholeskyFactors:
     """Lower-triangular factors L (M, d, d) of M Gaussians under plain SGD.
 
     One step descends the expected squared TD error (eq. 5.11) plus kl_weight * KL (eq. 5.9), with
-    the gradient clipped elementwise to +-clip and then diag(L) held at sigma_min or more. The TD
-    part is a sum of n outer products and the precision is a multiple of the identity minus few
-    columns, so a step needs neither an inverse nor a product of two d x d matrices.
+    the gradient clipped elementwise to +-clip and then diag(L) held at sigma_min or more. The given
+    L is taken over and changed in place. The TD part is a sum of n outer products and the precision
+    is a multiple of the identity minus few columns, so a step needs neither an inverse nor a
+    product of two d x d matrices.
     """
 
     def __init__(

@@ -35,9 +35,10 @@ def responsibilities(pairwise: Tensor, updates: int | None = None) -> tuple[Tens
         log_phi = torch.where(moving, new_phi, log_phi)
         change = (new_theta.exp() - log_theta.exp()).abs().amax((-2, -1), keepdim=True)
         log_theta = torch.where(moving, new_theta, log_theta)
-        moving = moving & (change >= TOLERANCE)
-        if updates is None and not moving.any():
-            break
+        if updates is None:
+            moving = moving & (change >= TOLERANCE)
+            if not moving.any():
+                break
     return log_theta, log_phi
 
 

@@ -57,7 +57,8 @@ class RBFLinear:
     def prepare(self, obs: Tensor) -> Tensor:
         """Features (R, m * m, B), one column per observation of (R, B, 2)."""
         # the Gaussian and its normaliser both factor over the axes
-        apart = obs.transpose(-1, -2).unsqueeze(-2) - self._centers.unsqueeze(-1)
+        columns = obs.transpose(-1, -2).contiguous()
+        apart = columns.unsqueeze(-2) - self._centers.unsqueeze(-1)
         axes = apart.square_().mul_(-self._rate)
         axes = axes.sub_(axes.amax(-2, keepdim=True)).clamp_(min=FAR).exp_()
         axes = axes.div_(axes.sum(-2, keepdim=True))

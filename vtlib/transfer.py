@@ -126,10 +126,13 @@ class VariationalTransfer:
 
     def act(self, obs: Tensor, fresh: Tensor) -> Tensor:
         """Greedy actions (R,) of one posterior sample; fresh (R,) marks first steps of episodes."""
+        # drawn at every step, used or not: a run's stream must not depend on when its neighbours'
+        # episodes end
+        draw = self._thompson()
         if self._settings.act == "step":
-            self._acting = self._thompson()
-        elif fresh.any():
-            self._acting = torch.where(fresh.view(-1, 1, 1), self._thompson(), self._acting)
+            self._acting = draw
+        else:
+            self._acting = torch.where(fresh.view(-1, 1, 1), draw, self._acting)
         values = self._q.q(self._acting, self._q.prepare(obs.unsqueeze(1)))
         return values[:, 0, :, 0].argmax(-1)
 
@@ -224,5 +227,7 @@ def check_sources(sources: Tensor, d: int) -> None:
         raise ValueError(
             f"sources must have shape (runs, at least 1 source, {d}), got {tuple(sources.shape)}"
         )
+    if sources.dtype != torch.float32:
+        raise ValueError(f"sources must be float32, got {sources.dtype}")
     if not torch.isfinite(sources).all():
         raise ValueError("sources must be finite, got NaN or infinity")

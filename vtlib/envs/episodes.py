@@ -118,6 +118,9 @@ class GymEpisodes:
         for env in envs:
             _check_spaces(env)
         self._envs = list(envs)
+        spaces = {(env.observation_space.shape, int(env.action_space.n)) for env in envs}
+        if len(spaces) != 1:
+            raise ValueError(f"environments must have the same spaces, got {sorted(spaces)}")
         first = [env.reset(seed=int(s))[0] for env, s in zip(envs, seeds, strict=True)]
         self.obs = _stack(first)
         self.obs_dim, self.n_actions = self.obs.shape[1], int(envs[0].action_space.n)
@@ -129,7 +132,8 @@ class GymEpisodes:
         after, current, reward, terminal, done = [], [], [], [], []
         for env, a in zip(self._envs, action.tolist(), strict=True):
             obs, r, terminated, truncated, _ = env.step(a + int(env.action_space.start))
-            after.append(obs)
+            # copied: an environment may hand out one array again and again
+            after.append(np.array(obs, np.float32))
             reward.append(float(r))
             terminal.append(bool(terminated))
             done.append(bool(terminated or truncated))

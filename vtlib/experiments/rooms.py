@@ -86,6 +86,7 @@ ROOMS_SLIDERS = Experiment(
         for psi in PSIS
     },
     runs=10,
+    iterations=5_000,
     stream=ROOMS_EVALUATION.name,
 )
 

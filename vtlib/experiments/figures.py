@@ -1,0 +1,124 @@
+"""The figures of the rooms pages, drawn from stored runs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import torch
+from matplotlib.figure import Figure
+
+from vtlib.claims import Returns
+from vtlib.envs.draw import draw_rooms
+from vtlib.envs.rooms import Rooms
+from vtlib.experiments.reading import optimum, returns
+from vtlib.experiments.rooms import MGVT, ROOMS_EVALUATION, ROOMS_SLIDERS, slider_name
+from vtlib.planning import plan
+from vtlib.plots import COLOURS, Curve, curve, image_html, learning_figure, look, small_png
+from vtlib.stats import mean_interval
+from vtlib.streams import generator
+
+KINDS = {"learning return": "learning", "greedy return": "greedy"}
+
+
+def two_panels(algorithms: Mapping[str, tuple[str, Returns]]) -> dict[str, list[Curve]]:
+    """Learning and greedy panels of {label: (algorithm whose look to take, returns)}."""
+    return {
+        title: [
+            curve(label, algorithm, runs.iterations, getattr(runs, kind))
+            for label, (algorithm, runs) in algorithms.items()
+        ]
+        for title, kind in KINDS.items()
+    }
+
+
+def stored_panels(name: str, labels: Sequence[str]) -> dict[str, list[Curve]]:
+    """Learning and greedy panels of an experiment's algorithms."""
+    return two_panels({label: (label, returns(name, label)) for label in labels})
+
+
+def returns_figure(name: str, labels: Sequence[str]) -> Figure:
+    """Learning and greedy return of an experiment's algorithms, with the mean optimum dashed."""
+    with look():
+        return learning_figure(stored_panels(name, labels), float(optimum(name).mean()))
+
+
+def starts_figure() -> Figure:
+    """MGVT started on sources and at their mean, side by side with GVT: learning return."""
+    name = ROOMS_EVALUATION.name
+    panels = {}
+    for components in ("1-MGVT", "3-MGVT"):
+        on_sources, at_mean = (returns(name, f"{components}{end}") for end in ("", "-mean"))
+        panels[components] = [
+            Curve("on sources", on_sources.iterations, on_sources.learning, COLOURS["1-MGVT"]),
+            Curve("at their mean", at_mean.iterations, at_mean.learning, COLOURS["3-MGVT"], "--"),
+        ]
+    with look():
+        return learning_figure(panels, float(optimum(name).mean()))
+
+
+def environment_figure(doors: Sequence[Sequence[float]], experiment: str, walks: int = 5) -> Figure:
+    """Rooms tasks with a few walks of the planned optimal policy, drawn from the environment."""
+    tasks = Rooms.from_doors(doors)
+    figure = Figure(figsize=(7.6, 2.9), layout="constrained")
+    axes = figure.subplots(1, len(tasks))
+    for index, ax in enumerate(axes):
+        draw_rooms(ax, tasks, index)
+        for path in optimal_walks(tasks, index, walks, experiment):
+            ax.plot(*path.T, color=COLOURS["GVT"], lw=0.9, alpha=0.7)
+        ax.set_title(f"doors at {', '.join(f'{x:g}' for x in doors[index])}", fontsize=9)
+    return figure
+
+
+def optimal_walks(tasks: Rooms, index: int, walks: int, experiment: str) -> list[np.ndarray]:
+    """Positions (steps, 2) of episodes under the planned optimal policy of one task."""
+    best = plan(tasks, index, None)
+    copies = tasks.select([index] * walks)
+    noise = generator(experiment, index, "walks").standard_normal((Rooms.horizon, walks, 2))
+    noise = torch.from_numpy(noise.astype(np.float32))
+    state = copies.start(torch.zeros(walks, 2))
+    paths, alive = [state], torch.ones(walks, dtype=torch.bool)
+    for h in range(Rooms.horizon):
+        after, _, terminal = copies.step(state, best.greedy(state), noise[h])
+        state = torch.where(alive.unsqueeze(1), after, state)
+        alive = alive & ~terminal
+        paths.append(state)
+    return list(torch.stack(paths, 1).numpy())
+
+
+def sources_figure(sources: Mapping[str, np.ndarray], required: float) -> Figure:
+    """How long each source was trained, and what its greedy policy earns of the optimum."""
+    with look():
+        figure = Figure(figsize=(7.6, 2.6))
+        left, right = figure.subplots(1, 2)
+        thousands = sources["iterations"] / 1000
+        left.hist(thousands, bins=np.arange(19.5, thousands.max() + 2), color=COLOURS["NT"])
+        left.set(xlabel="thousand iterations of training", ylabel="sources")
+        share = sources["greedy"] / sources["optimum"]
+        right.hist(share, bins=20, color=COLOURS["NT"])
+        right.axvline(required, color="black", ls="--", lw=1)
+        right.set(xlabel="greedy return over planned optimum", ylabel="sources")
+    return figure
+
+
+def slider_picture(lambda_: float, psi: float, components: int) -> str:
+    """One setting of the sliders as an HTML picture, with NT and GVT for reference."""
+    name = ROOMS_EVALUATION.name
+    label = f"{components}-MGVT"
+    mine = returns(ROOMS_SLIDERS.name, slider_name(lambda_, psi, components))
+    panels = two_panels(
+        {
+            "NT": ("NT", returns(name, "NT")),
+            "GVT": ("GVT", returns(name, "GVT")),
+            label: (label, mine),
+        }
+    )
+    thesis = (lambda_, psi) == (MGVT.lambda_, MGVT.psi) and components in (1, 3)
+    setting = f"lambda = {lambda_:.0e}, psi = {psi:g}, {components} component"
+    setting += "s" if components > 1 else ""
+    with look():
+        title = setting + (" (the thesis' setting)" if thesis else "")
+        figure = learning_figure(panels, float(optimum(name).mean()), title=title)
+        end = mean_interval(mine.learning[:, -1]).centre
+        alt = f"Returns of {label} with {setting}; final learning return {end:.2f}."
+        return image_html(small_png(figure), alt)
