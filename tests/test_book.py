@@ -11,6 +11,8 @@ from urllib.parse import unquote, urldefrag, urlsplit
 import pytest
 from bs4 import BeautifulSoup
 
+from vtlib.experiments.rooms import COMPONENTS, LAMBDAS, MGVT, PSIS
+
 ROOT = Path(__file__).resolve().parents[1]
 SYSTEM_PAGES = {"genindex.html", "search.html", "index.html"}
 
@@ -197,6 +199,37 @@ def test_sliders_are_named_and_move_with_the_keyboard(book: Path, address: str, 
                     "([e, old]) => e.getAttribute('aria-valuetext') !== old",
                     arg=[handle.element_handle(), before],
                 )
+
+
+VISIBLE = "[...document.querySelectorAll('.widget-subarea img')].filter(i => i.offsetParent)"
+
+
+@pytest.mark.usefixtures("vendored")
+def test_each_slider_of_the_rooms_page_shows_the_picture_of_its_setting(
+    book: Path, address: str, page
+) -> None:
+    values = [[f"lambda = {x:.0e}," for x in LAMBDAS], [f"psi = {x:g}," for x in PSIS]]
+    values.append([f" {c} component" for c in COMPONENTS])
+    for _ in open_everywhere(page, book, address, "book/rooms_evaluation.html"):
+        page.wait_for_selector(".widget-slider .noUi-handle[aria-label]", state="attached")
+        handles = page.locator(".widget-slider .noUi-handle").all()
+        assert len(handles) == len(values)
+        current = [f"lambda = {MGVT.lambda_:.0e},", f"psi = {MGVT.psi:g},", " 1 component"]
+        assert_shown(page, current)
+        for axis, handle in enumerate(handles):
+            handle.focus()
+            page.keyboard.press("Home")
+            for at, text in enumerate(values[axis]):
+                if at:
+                    page.keyboard.press("ArrowRight")
+                current[axis] = text
+                assert_shown(page, current)
+
+
+def assert_shown(page, setting: list[str]) -> None:
+    """One picture is visible, and its description names the setting."""
+    test = f"texts => {{ const v = {VISIBLE}; return v.length === 1 && "
+    page.wait_for_function(test + "texts.every(t => v[0].alt.includes(t)) }", arg=setting)
 
 
 @pytest.mark.skipif(shutil.which("git") is None, reason="git is not installed")

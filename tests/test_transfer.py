@@ -288,7 +288,7 @@ def test_without_a_kl_the_mean_fits_the_targets():
 
 def test_a_gaussian_starts_at_the_sources_mean_and_covariance():
     sources = draw(2, 5, 4)
-    posterior, precision = initial_posterior(sources, Settings(family="gaussian"))
+    posterior, precision = initial_posterior(sources, Settings(family="gaussian", init="span"))
     for r in range(2):
         torch.testing.assert_close(posterior.mu[r, 0], sources[r].mean(0))
         covariance = torch.cov(sources[r].T, correction=0)
@@ -345,6 +345,21 @@ def test_starting_at_the_mean_puts_all_components_on_one_spot():
     torch.testing.assert_close(start.mu[0], sources[0].mean(0).expand(3, -1))
     deviation = settings.sigma_p2**0.5 * torch.eye(20)
     torch.testing.assert_close(start.L[0].float(), deviation.expand(3, 20, 20))
+
+
+def test_a_gaussian_starts_at_the_minimiser_which_is_the_prior():
+    sources = draw(2, 5, 4)
+    posterior, precision = initial_posterior(sources, Settings(family="gaussian"))
+    for r in range(2):
+        L = posterior.L[r, 0]
+        dense = precision.times(posterior.L[:, 0])[r]
+        torch.testing.assert_close(dense @ L.T, torch.eye(4), rtol=0, atol=1e-3)
+
+
+@pytest.mark.parametrize(("family", "init"), [("gaussian", "mean"), ("mixture", "span")])
+def test_each_family_has_its_own_other_start(family, init):
+    with pytest.raises(ValueError, match="init must be one of"):
+        Settings(family=family, init=init)
 
 
 @pytest.mark.parametrize("family", ["gaussian", "mixture"])

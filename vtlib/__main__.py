@@ -23,9 +23,12 @@ def main(arguments: list[str] | None = None) -> int:
     torch.set_num_threads(1)
     try:
         return options.command(options)
-    except (ValueError, FileNotFoundError, FileExistsError, store.TornResult, Diverged) as error:
+    except (ValueError, OSError, store.TornResult, Diverged) as error:
         print(f"vtlib: {error}", file=sys.stderr)
         return 2
+    except KeyboardInterrupt:
+        print("vtlib: interrupted; the same command goes on from here", file=sys.stderr)
+        return 130
 
 
 def _parser() -> argparse.ArgumentParser:

@@ -46,6 +46,13 @@ STYLE = {
 }
 
 
+class BookFigure(Figure):
+    """A figure that notebooks show by itself, without a plotting backend."""
+
+    def _repr_png_(self) -> bytes:
+        return png(self)
+
+
 @contextmanager
 def look() -> Iterator[None]:
     """Draw inside this context to get the book's look."""
@@ -77,7 +84,8 @@ def draw_curves(ax: Axes, curves: list[Curve], optimum: float | None = None) -> 
         ax.plot(one.iterations, band.centre, color=one.colour, ls=one.style, label=one.label)
     if optimum is not None:
         ax.axhline(optimum, color=OPTIMUM, ls="--", lw=1.1, label="planned optimum")
-    ax.set_xlabel("iterations")
+    ax.set_xlabel("thousand iterations")
+    ax.xaxis.set_major_formatter(lambda x, _: f"{x / 1000:g}")
     ax.set_xlim(0, curves[0].iterations[-1])
 
 
@@ -85,7 +93,7 @@ def learning_figure(
     panels: Mapping[str, list[Curve]], optimum: float, top: float = 0.9, title: str = ""
 ) -> Figure:
     """Panels side by side, such as learning and greedy return, with one legend below."""
-    figure = Figure(figsize=(7.6, 3.5))
+    figure = BookFigure(figsize=(7.6, 3.5))
     axes = figure.subplots(1, len(panels), sharey=True, squeeze=False)[0]
     for ax, (name, curves) in zip(axes, panels.items(), strict=True):
         draw_curves(ax, curves, optimum)
@@ -99,11 +107,16 @@ def learning_figure(
     return figure
 
 
+def png(figure: Figure) -> bytes:
+    """The figure as a PNG, twice as fine as a page is wide."""
+    raw = io.BytesIO()
+    figure.savefig(raw, format="png", dpi=STYLE["savefig.dpi"])
+    return raw.getvalue()
+
+
 def small_png(figure: Figure, colours: int = 64) -> bytes:
     """The figure as a PNG with a palette: a tenth of the bytes, for pages with many pictures."""
-    raw = io.BytesIO()
-    figure.savefig(raw, format="png")
-    picture = Image.open(raw).convert("RGB").quantize(colours)
+    picture = Image.open(io.BytesIO(png(figure))).convert("RGB").quantize(colours)
     out = io.BytesIO()
     picture.save(out, format="png", optimize=True)
     return out.getvalue()

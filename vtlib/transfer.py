@@ -28,7 +28,7 @@ from vtlib.streams import Stream
 
 CLIP = 1000.0  # elementwise bound on every gradient
 PRIOR_JITTER = 1e-4  # added to the covariance of the Gaussian prior, so that it has an inverse
-POSTERIOR_JITTER = 1e-8  # added to the covariance from which the Gaussian posterior starts
+SPAN_JITTER = 1e-8  # the same for a posterior that starts within the span of the sources
 
 
 @dataclass(frozen=True)
@@ -38,10 +38,11 @@ class Settings:
     family: "gaussian" (GVT) or "mixture" (MGVT) with ``components`` C. lambda_: weight of the KL
     (eq. 5.2). psi: share of the full gradient (eq. 5.4). weights: posterior samples per gradient
     and component. alpha_mu, alpha_L: step sizes of the means (Adam) and of L (SGD). sigma_p2:
-    variance of the prior's components. sigma_min: least value on the diagonal of L. init: where a
-    mixture starts, "sources" (the minimiser of the bound, C different sources) or "mean" (all on
-    their mean). act: draw weights at every "step" or once an "episode". Raises ValueError for a
-    value outside its range.
+    variance of the prior's components. sigma_min: least value on the diagonal of L. init: where the
+    posterior starts: "sources" is the minimiser of the KL (the prior, or C different sources); a
+    mixture may start with all components at their "mean", a Gaussian within their "span" (no
+    variance but the sample's). act: draw weights at every "step" or once an "episode". Raises
+    ValueError for a value outside its range.
     """
 
     family: str = "mixture"
@@ -76,7 +77,7 @@ class Settings:
                 raise ValueError(f"{name} must be finite and positive, got {value}")
         for name, allowed in (
             ("family", ("gaussian", "mixture")),
-            ("init", ("sources", "mean")),
+            ("init", ("sources", "span" if self.family == "gaussian" else "mean")),
             ("act", ("step", "episode")),
         ):
             if getattr(self, name) not in allowed:
@@ -203,13 +204,14 @@ def td_gradients(
 def initial_posterior(sources: Tensor, settings: Settings) -> tuple[Gaussian, Precision]:
     """The posterior's start, mu (R, C, d) and L (R, C, d, d), and the prior's precision.
 
-    A Gaussian starts at the sources' mean and covariance (eqs. 5.5 and 5.6). A mixture starts at
-    the minimiser of eq. 5.13, C different sources with the prior's variance, or at their mean.
+    The minimiser of the KL is the prior itself for a Gaussian (eqs. 5.5 and 5.6), and C different
+    sources with the prior's variance for a mixture (eq. 5.13).
     """
     runs, count, d = sources.shape
     if settings.family == "gaussian":
         mu, spread = sources_mean_and_spread(sources)
-        factor = covariance_factor(spread, POSTERIOR_JITTER)
+        jitter = SPAN_JITTER if settings.init == "span" else PRIOR_JITTER
+        factor = covariance_factor(spread, jitter)
         precision = low_rank_precision(spread, PRIOR_JITTER)
         return Gaussian(mu.unsqueeze(1).contiguous(), factor.unsqueeze(1)), precision
     components = settings.components

@@ -11,9 +11,9 @@ import numpy as np
 
 from vtlib.experiments.rooms import COMPONENTS, LAMBDAS, MGVT, PSIS, Experiment
 from vtlib.experiments.runs import run_batch
-from vtlib.plots import Curve, curve, learning_figure, look, small_png
-from vtlib.training import Diverged
+from vtlib.plots import Curve, learning_figure, look, small_png
 
+NEW = "#000000"  # of the new curve, solid beside the dashed optimum
 FULL = ui.Layout(width="100%")
 
 
@@ -157,18 +157,19 @@ class LivePanel:
         )
         try:
             curves = run_batch(live, "live", range(self._runs.value), self._weights, self._progress)
-        except (Diverged, ValueError) as error:
-            self._says.value = str(error)
-        else:
-            label = f"{settings.components}-MGVT"
-            new = [
-                curve(f"{label}, just now", label, curves.iterations, values)
-                for values in (curves.learning, curves.greedy)
-            ]
-            self._draw(new)
+            label = f"{settings.components}-MGVT, just now"
+            self._draw(
+                [
+                    Curve(label, curves.iterations, values, NEW)
+                    for values in (curves.learning, curves.greedy)
+                ]
+            )
             done = int(curves.iterations[-1])
             self._says.value = f"{'stopped' if self._halt.is_set() else 'done'} at {done:,}"
-        self._run.disabled, self._stop.disabled = False, True
+        except Exception as error:  # nobody else would see it: this is a thread of its own
+            self._says.value = str(error)
+        finally:
+            self._run.disabled, self._stop.disabled = False, True
 
     def _progress(self, iteration: int) -> bool:
         self._bar.value = iteration

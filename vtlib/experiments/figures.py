@@ -14,7 +14,16 @@ from vtlib.envs.rooms import Rooms
 from vtlib.experiments.reading import optimum, returns
 from vtlib.experiments.rooms import MGVT, ROOMS_EVALUATION, ROOMS_SLIDERS, slider_name
 from vtlib.planning import plan
-from vtlib.plots import COLOURS, Curve, curve, image_html, learning_figure, look, small_png
+from vtlib.plots import (
+    COLOURS,
+    BookFigure,
+    Curve,
+    curve,
+    image_html,
+    learning_figure,
+    look,
+    small_png,
+)
 from vtlib.stats import mean_interval
 from vtlib.streams import generator
 
@@ -44,14 +53,15 @@ def returns_figure(name: str, labels: Sequence[str]) -> Figure:
 
 
 def starts_figure() -> Figure:
-    """MGVT started on sources and at their mean, side by side with GVT: learning return."""
+    """Learning return of each method from the minimiser of the KL and from its other start."""
     name = ROOMS_EVALUATION.name
     panels = {}
-    for components in ("1-MGVT", "3-MGVT"):
-        on_sources, at_mean = (returns(name, f"{components}{end}") for end in ("", "-mean"))
-        panels[components] = [
-            Curve("on sources", on_sources.iterations, on_sources.learning, COLOURS["1-MGVT"]),
-            Curve("at their mean", at_mean.iterations, at_mean.learning, COLOURS["3-MGVT"], "--"),
+    for label, other in (("GVT", "span"), ("1-MGVT", "mean"), ("3-MGVT", "mean")):
+        first, second = returns(name, label), returns(name, f"{label}-{other}")
+        colour = COLOURS[label]
+        panels[f"{label}, dashed from the {other}"] = [
+            Curve("minimiser of the KL", first.iterations, first.learning, colour),
+            Curve("published start", second.iterations, second.learning, colour, (0, (2, 1))),
         ]
     with look():
         return learning_figure(panels, float(optimum(name).mean()))
@@ -60,13 +70,15 @@ def starts_figure() -> Figure:
 def environment_figure(doors: Sequence[Sequence[float]], experiment: str, walks: int = 5) -> Figure:
     """Rooms tasks with a few walks of the planned optimal policy, drawn from the environment."""
     tasks = Rooms.from_doors(doors)
-    figure = Figure(figsize=(7.6, 2.9), layout="constrained")
+    figure = BookFigure(figsize=(7.6, 2.9), layout="constrained")
     axes = figure.subplots(1, len(tasks))
     for index, ax in enumerate(axes):
         draw_rooms(ax, tasks, index)
         for path in optimal_walks(tasks, index, walks, experiment):
             ax.plot(*path.T, color=COLOURS["GVT"], lw=0.9, alpha=0.7)
         ax.set_title(f"doors at {', '.join(f'{x:g}' for x in doors[index])}", fontsize=9)
+    axes[0].annotate("start", (0.35, 0.35), fontsize=9)
+    axes[0].annotate("goal", (7.3, 9.2), fontsize=9)
     return figure
 
 
@@ -89,7 +101,7 @@ def optimal_walks(tasks: Rooms, index: int, walks: int, experiment: str) -> list
 def sources_figure(sources: Mapping[str, np.ndarray], required: float) -> Figure:
     """How long each source was trained, and what its greedy policy earns of the optimum."""
     with look():
-        figure = Figure(figsize=(7.6, 2.6))
+        figure = BookFigure(figsize=(7.6, 2.6))
         left, right = figure.subplots(1, 2)
         thousands = sources["iterations"] / 1000
         left.hist(thousands, bins=np.arange(19.5, thousands.max() + 2), color=COLOURS["NT"])

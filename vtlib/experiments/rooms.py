@@ -58,6 +58,7 @@ ROOMS_EVALUATION = Experiment(
         "3-MGVT": replace(MGVT, components=3),
         "3-MGVT-mean": replace(MGVT, components=3, init="mean"),
         "GVT": GVT,
+        "GVT-span": replace(GVT, init="span"),
         "1-MGVT": MGVT,
         "1-MGVT-mean": replace(MGVT, init="mean"),
         "NT": NT,

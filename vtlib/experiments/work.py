@@ -23,7 +23,7 @@ import torch
 from tqdm import tqdm
 
 from vtlib import __version__, store
-from vtlib.experiments import EXPERIMENTS, POOLS, named
+from vtlib.experiments import POOLS, named
 from vtlib.experiments import runs as runs_of
 from vtlib.experiments.rooms import Experiment
 from vtlib.sources import Pool, solve
@@ -124,12 +124,17 @@ def run_unit(unit: Unit, root: Path, report: Callable[[Unit, float], bool]) -> N
 def complete(name: str, root: Path, jobs: int, quiet: bool = False) -> None:
     """Compute whatever the named experiment, and the pool it needs, still lack under root."""
     experiment = named(name)
-    for units in (source_units(experiment.pool), run_units(experiment)):
+    stages = source_units(experiment.pool), run_units(experiment)
+    for owner, label in dict.fromkeys((u.owner, u.label) for units in stages for u in units):
+        if store.exists(root / owner / label):
+            load_result(owner, label, root)
+    for units in stages:
         join_finished(units, root)
         missing = [u for u in units if not _done(u, root)]
         if missing:
             _run_all(missing, root, jobs, quiet)
             join_finished(units, root)
+    _drop_empty(root / PARTS)
 
 
 def _done(unit: Unit, root: Path) -> bool:
@@ -146,17 +151,23 @@ def _run_all(units: Sequence[Unit], root: Path, jobs: int, quiet: bool) -> None:
         queue = manager.Queue()
         watcher = threading.Thread(target=_watch, args=(queue, bar), daemon=True)
         watcher.start()
-        with ProcessPoolExecutor(jobs, context, _one_thread) as executor:
-            futures = [executor.submit(_in_process, unit, root, queue) for unit in units]
-            try:
-                for future in as_completed(futures):
-                    future.result()
-                    join_finished(units, root)
-            except BaseException:
-                executor.shutdown(wait=False, cancel_futures=True)
-                raise
-        queue.put(None)
-        watcher.join()
+        try:
+            _compute_all(units, root, jobs, context, queue)
+        finally:
+            queue.put(None)
+            watcher.join()
+
+
+def _compute_all(units: Sequence[Unit], root: Path, jobs: int, context, queue) -> None:
+    with ProcessPoolExecutor(jobs, context, _one_thread) as executor:
+        futures = [executor.submit(_in_process, unit, root, queue) for unit in units]
+        try:
+            for future in as_completed(futures):
+                future.result()
+                join_finished(units, root)
+        except BaseException:
+            executor.shutdown(wait=False, cancel_futures=True)
+            raise
 
 
 def _one_thread() -> None:
@@ -193,7 +204,6 @@ def join_finished(units: Iterable[Unit], root: Path) -> None:
         store.save(root / result, _join([arrays for arrays, _ in parts]), _provenance(group, parts))
         for unit in group:
             store.remove(root / unit.part)
-    _drop_empty(root / PARTS)
 
 
 def _join(parts: Sequence[store.Arrays]) -> store.Arrays:
@@ -263,14 +273,6 @@ def _check_config(path: Path, note: dict, config: dict) -> None:
 
 
 def _drop_empty(folder: Path) -> None:
-    if folder.exists() and not any(p.is_file() for p in folder.rglob("*")):
-        shutil.rmtree(folder)
-
-
-def stored_names(root: Path) -> list[str]:
-    """Experiments with every result stored under root."""
-    return [
-        name
-        for name, e in EXPERIMENTS.items()
-        if all(store.exists(root / u.result) for u in [*source_units(e.pool), *run_units(e)])
-    ]
+    # a name that begins with a dot is what a kill left half written
+    if not any(p.is_file() and not p.name.startswith(".") for p in folder.rglob("*")):
+        shutil.rmtree(folder, ignore_errors=True)

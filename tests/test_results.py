@@ -1,0 +1,53 @@
+"""The stored results of the book: complete, small, of the present configuration, recomputable."""
+
+import secrets
+
+import numpy as np
+import pytest
+
+from vtlib.experiments import EXPERIMENTS, POOLS
+from vtlib.experiments.verify import mismatches, results_of
+from vtlib.experiments.work import load_result
+from vtlib.store import results_folder
+
+ROOT = results_folder()
+PAIRS = list(dict.fromkeys(pair for name in EXPERIMENTS for pair in results_of(name)))
+DRAWN = 6
+
+
+@pytest.mark.parametrize("name", EXPERIMENTS)
+def test_every_result_is_stored_under_the_present_configuration(name):
+    for owner, label in results_of(name):
+        arrays, note = load_result(owner, label, ROOT)
+        assert note["machine"]["torch"]
+        for values in arrays.values():
+            assert np.isfinite(values).all()
+
+
+@pytest.mark.parametrize("name", POOLS)
+def test_sources_are_solved(name):
+    sources, _ = load_result(name, "sources", ROOT)
+    assert len(sources["weights"]) == POOLS[name].count
+    assert (sources["greedy"] >= POOLS[name].required * sources["optimum"]).all()
+
+
+def test_results_stay_small():
+    sizes = [path.stat().st_size for path in ROOT.rglob("*") if path.is_file()]
+    assert sum(sizes) < 30e6
+
+
+def test_nothing_stored_is_stray():
+    known = {f"{owner}/{label}" for owner, label in PAIRS}
+    stored = (path.relative_to(ROOT).as_posix() for path in ROOT.rglob("*.json"))
+    found = {name.removesuffix(".json") for name in stored}
+    assert found == known
+
+
+def test_runs_drawn_at_random_recompute():
+    seed = secrets.randbits(32)
+    rng = np.random.default_rng(seed)
+    for at in rng.choice(len(PAIRS), DRAWN, replace=False):
+        owner, label = PAIRS[at]
+        count = len(load_result(owner, label, ROOT)[0].get("run", [0]))
+        member = int(rng.integers(count))
+        assert mismatches(owner, label, ROOT, [member]) == [], f"drawn with seed {seed}"
