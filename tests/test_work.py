@@ -172,3 +172,13 @@ def test_killed_at_any_moment_the_same_call_finishes_with_the_same_files(
         first, _ = store.load(stored / owner / label)
         for key in first:
             np.testing.assert_allclose(again[key], first[key], rtol=1e-3, atol=1e-3)
+
+
+def test_real_processes_compute_what_is_missing(tmp_path):
+    name = "rooms-evaluation"
+    for owner in (named(name).pool.name, name):
+        shutil.copytree(store.results_folder() / owner, tmp_path / owner)
+    store.remove(tmp_path / name / "tasks")
+    work.complete(name, tmp_path, jobs=2, quiet=True)
+    for key, values in store.load(store.results_folder() / name / "tasks")[0].items():
+        np.testing.assert_allclose(store.load(tmp_path / name / "tasks")[0][key], values, 1e-4)

@@ -5,13 +5,14 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
-import numpy as np
 import torch
 
 from vtlib.baselines import MellowTDSettings
 from vtlib.experiments import ROOMS_EVALUATION
 from vtlib.experiments.runs import prepare
+from vtlib.experiments.work import pool_weights
 from vtlib.sources import rooms_q
+from vtlib.store import results_folder
 
 RUNS = 20
 PUBLISHED = {"NT": 0.71, "GVT": 17.0, "1-MGVT": 17.5, "3-MGVT": 80.0}  # the 2018 code, one core
@@ -33,8 +34,7 @@ def bound(algorithm, rate: float) -> float | None:
 
 def milliseconds(label: str, iterations: int = 100, repeats: int = 5) -> float:
     """Milliseconds per run and iteration of an algorithm of the rooms evaluation."""
-    rng = np.random.default_rng(0)
-    pool = 0.3 * rng.random((ROOMS_EVALUATION.pool.count, rooms_q().d), dtype=np.float32)
+    pool = pool_weights(ROOMS_EVALUATION.pool, results_folder())
     batch = prepare(ROOMS_EVALUATION, label, ROOMS_EVALUATION.algorithms[label], range(RUNS), pool)
 
     def advance() -> None:

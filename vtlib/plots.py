@@ -114,6 +114,12 @@ def png(figure: Figure) -> bytes:
     return raw.getvalue()
 
 
+def power_of_ten(value: float) -> str:
+    """A power of ten with its exponent raised, such as 10⁻⁶."""
+    exponent = str(round(np.log10(value)))
+    return "10" + exponent.translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
+
+
 def small_png(figure: Figure, colours: int = 64) -> bytes:
     """The figure as a PNG with a palette: a tenth of the bytes, for pages with many pictures."""
     picture = Image.open(io.BytesIO(png(figure))).convert("RGB").quantize(colours)

@@ -11,7 +11,7 @@ import numpy as np
 
 from vtlib.experiments.rooms import COMPONENTS, LAMBDAS, MGVT, PSIS, Experiment
 from vtlib.experiments.runs import run_batch
-from vtlib.plots import Curve, learning_figure, look, small_png
+from vtlib.plots import Curve, image_html, learning_figure, look, power_of_ten, small_png
 
 NEW = "#000000"  # of the new curve, solid beside the dashed optimum
 FULL = ui.Layout(width="100%")
@@ -33,7 +33,7 @@ def parameter_axes() -> list[Axis]:
         Axis(
             r"\(\lambda\)",
             "lambda, weight of the KL term",
-            [(_power(x), x) for x in LAMBDAS],
+            [(power_of_ten(x), x) for x in LAMBDAS],
             LAMBDAS.index(MGVT.lambda_),
         ),
         Axis(
@@ -44,10 +44,6 @@ def parameter_axes() -> list[Axis]:
         ),
         Axis(r"\(C\)", "C, number of components", [(str(x), x) for x in COMPONENTS], 0),
     ]
-
-
-def _power(value: float) -> str:
-    return f"10^{round(np.log10(value))}"
 
 
 def still_sliders(axes: Sequence[Axis], picture: Callable[..., str]) -> ui.VBox:
@@ -114,7 +110,7 @@ class LivePanel:
         self._stop = ui.Button(description="Stop", disabled=True)
         self._bar = ui.IntProgress(0, 0, iterations, description="progress")
         self._says = ui.Label()
-        self._picture = ui.Image(format="png", layout=FULL)
+        self._picture = ui.HTML(layout=FULL)
         self._halt = threading.Event()
         self._thread: threading.Thread | None = None
         self._run.on_click(lambda _: self.run())
@@ -181,4 +177,6 @@ class LivePanel:
             for i, (name, curves) in enumerate(self._stored.items())
         }
         with look():
-            self._picture.value = small_png(learning_figure(panels, self._optimum))
+            picture = small_png(learning_figure(panels, self._optimum))
+        labels = ", ".join(one.label for one in next(iter(panels.values())))
+        self._picture.value = image_html(picture, f"Learning and greedy return of {labels}.")

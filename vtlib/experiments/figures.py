@@ -22,6 +22,7 @@ from vtlib.plots import (
     image_html,
     learning_figure,
     look,
+    power_of_ten,
     small_png,
 )
 from vtlib.stats import mean_interval
@@ -113,24 +114,28 @@ def sources_figure(sources: Mapping[str, np.ndarray], required: float) -> Figure
     return figure
 
 
+def head_of(runs: Returns, other: Returns) -> Returns:
+    """As many runs and iterations as another result has; both count from the same first run."""
+    r, t = other.learning.shape
+    return Returns(
+        runs.iterations[:t], runs.learning[:r, :t], runs.greedy[:r, :t], runs.optimum[:r]
+    )
+
+
 def slider_picture(lambda_: float, psi: float, components: int) -> str:
     """One setting of the sliders as an HTML picture, with NT and GVT for reference."""
     name = ROOMS_EVALUATION.name
     label = f"{components}-MGVT"
     mine = returns(ROOMS_SLIDERS.name, slider_name(lambda_, psi, components))
-    panels = two_panels(
-        {
-            "NT": ("NT", returns(name, "NT")),
-            "GVT": ("GVT", returns(name, "GVT")),
-            label: (label, mine),
-        }
-    )
+    references = {x: (x, head_of(returns(name, x), mine)) for x in ("NT", "GVT")}
+    panels = two_panels(references | {label: (label, mine)})
     thesis = (lambda_, psi) == (MGVT.lambda_, MGVT.psi) and components in (1, 3)
-    setting = f"lambda = {lambda_:.0e}, psi = {psi:g}, {components} component"
-    setting += "s" if components > 1 else ""
+    count = f"{components} component{'s' if components > 1 else ''}"
+    setting = f"lambda = {lambda_:.0e}, psi = {psi:g}, {count}"
     with look():
-        title = setting + (" (the thesis' setting)" if thesis else "")
-        figure = learning_figure(panels, float(optimum(name).mean()), title=title)
+        title = f"λ = {power_of_ten(lambda_)}, ψ = {psi:g}, {count}"
+        title += " (the thesis' setting)" if thesis else ""
+        figure = learning_figure(panels, float(mine.optimum.mean()), title=title)
         end = mean_interval(mine.learning[:, -1]).centre
         alt = f"Returns of {label} with {setting}; final learning return {end:.2f}."
         return image_html(small_png(figure), alt)
