@@ -238,7 +238,7 @@ def test_an_image_carries_its_picture_and_its_description_whatever_it_says(alt):
     parsed = Images(image_html(png, alt))
     ((tag, attributes),) = parsed.elements
     assert tag == "img"
-    assert set(attributes) == {"alt", "src"}
+    assert set(attributes) == {"alt", "src", "style"}
     assert attributes["alt"] == alt
     kind, _, data = attributes["src"].partition(",")
     assert kind == "data:image/png;base64"

@@ -131,4 +131,5 @@ def small_png(figure: Figure, colours: int = 64) -> bytes:
 def image_html(png: bytes, alt: str) -> str:
     """An <img> element that carries its picture and its description."""
     text = alt.replace("&", "&amp;").replace('"', "&quot;").replace("<", "&lt;")
-    return f'<img alt="{text}" src="data:image/png;base64,{b64encode(png).decode()}">'
+    source = f"data:image/png;base64,{b64encode(png).decode()}"
+    return f'<img alt="{text}" style="max-width: 100%" src="{source}">'
