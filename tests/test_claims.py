@@ -15,12 +15,14 @@ from vtlib.claims import (
     Claim,
     Returns,
     better_and_steadier,
+    falls_with,
     no_better,
     only_beginning,
     optimal_by,
     solves_most,
     table,
     verdict,
+    worse_and_wider,
 )
 
 ITERATIONS = np.array([1000, 2000, 3000])
@@ -91,7 +93,7 @@ def test_the_verdict_of_parts(passed, expected):
         ([0.5, 0.776, 0.79], REPRODUCED, "first at 2,000"),
         ([0.776, 0.79, 0.79], REPRODUCED, "first at 1,000"),
         ([0.2, 0.5, 0.776], PARTLY, "first at 3,000"),
-        ([0.2, 0.776, 0.5], PARTLY, "at the end 62%"),
+        ([0.2, 0.776, 0.5], PARTLY, "at the end 62.5%"),
         ([0.2, 0.4, 0.6], NOT, "reached never"),
     ],
 )
@@ -101,7 +103,7 @@ def test_optimal_by(means, expected, number):
     assert number in claim.evidence
     assert "1-MGVT" in claim.text
     assert "2,000" in claim.text
-    assert f"Learning return at 2,000: {means[1] / 0.8:.0%} of the optimum" in claim.evidence
+    assert f"Learning return at 2,000: {means[1] / 0.8:.1%} of the optimum" in claim.evidence
 
 
 @pytest.mark.parametrize(
@@ -208,3 +210,29 @@ def test_the_table_escapes_what_it_shows():
     shown = Cells(html)
     assert shown.cells[3] == shown.cells[5] == hostile
     assert set(shown.tags) == {"table", "thead", "tbody", "tr", "th", "td"}
+
+
+@pytest.mark.parametrize(
+    ("mean", "spread", "expected"),
+    [(0.4, 0.2, REPRODUCED), (0.4, 0.001, PARTLY), (0.8, 0.2, PARTLY), (0.8, 0.001, NOT)],
+)
+def test_worse_and_wider(mean, spread, expected):
+    other = returns([0.1, 0.4, 0.75])
+    claim = worse_and_wider("GVT", returns([0.1, 0.2, mean], spread), "1-MGVT", other, 3000)
+    assert claim.verdict == expected
+
+
+@pytest.mark.parametrize(("slope", "expected"), [(-0.1, REPRODUCED), (0.1, NOT)])
+def test_falls_with(slope, expected):
+    distance = np.linspace(0, 4, len(WAVE))
+    runs = returns([0.1, 0.2, 0.4])
+    runs.learning[:, -1] = 0.4 + slope * distance + 0.001 * WAVE
+    assert falls_with("GVT", runs, distance, 3000).verdict == expected
+
+
+def test_a_slope_that_may_be_chance_is_not_reproduced():
+    distance = np.linspace(0, 4, len(WAVE))
+    runs = returns([0.1, 0.2, 0.4])
+    noise = np.array([1.0, -1.0] * (len(WAVE) // 2))
+    runs.learning[:, -1] = 0.4 - 0.001 * distance + 0.1 * noise
+    assert falls_with("GVT", runs, distance, 3000).verdict == NOT

@@ -15,6 +15,7 @@ from vtlib.stats import (
     difference_interval,
     interquartile_mean,
     mean_interval,
+    slope_interval,
 )
 
 PROPERTY = settings(deadline=None, derandomize=True)
@@ -201,3 +202,22 @@ def test_runs_that_do_not_pair_have_no_difference():
 def test_one_run_does_not_pair_with_many():
     with pytest.raises(ValueError):
         difference_interval(np.zeros(20), np.zeros(1))
+
+
+def test_slope_is_that_of_least_squares_and_covers():
+    rng = np.random.default_rng(0)
+    x = rng.uniform(0, 4, 20)
+    covered = 0
+    for _ in range(2000):
+        y = 1.0 - 0.2 * x + rng.normal(0, 0.3, 20)
+        band = slope_interval(x, y)
+        covered += band.low <= -0.2 <= band.high
+    assert band.centre == pytest.approx(np.polyfit(x, y, 1)[0])
+    # 95% of 2,000 with a standard error of 0.5%
+    assert abs(covered / 2000 - 0.95) < 0.02
+
+
+@pytest.mark.parametrize("x", [[1.0, 2.0], [1.0, 1.0, 1.0]])
+def test_slope_needs_three_runs_at_different_places(x):
+    with pytest.raises(ValueError, match="at least 3 runs"):
+        slope_interval(np.array(x), np.array(x))

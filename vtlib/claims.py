@@ -8,7 +8,7 @@ from html import escape
 
 import numpy as np
 
-from vtlib.stats import difference_interval, mean_interval
+from vtlib.stats import difference_interval, mean_interval, slope_interval
 
 REPRODUCED, PARTLY, NOT = "reproduced", "partly reproduced", "not reproduced"
 NEAR_OPTIMAL = 0.95  # a mean return of 95% of the optimum is called optimal
@@ -61,7 +61,7 @@ def optimal_by(name: str, runs: Returns, iteration: int) -> Claim:
     return Claim(
         f"{name} performs optimally by about {iteration:,} iterations.",
         verdict([share >= NEAR_OPTIMAL, later >= NEAR_OPTIMAL]),
-        f"Learning return at {iteration:,}: {share:.0%} of the optimum; at the end {later:.0%}. "
+        f"Learning return at {iteration:,}: {share:.1%} of the optimum; at the end {later:.1%}. "
         f"{NEAR_OPTIMAL:.0%} of the optimum is reached {when}.",
     )
 
@@ -99,6 +99,31 @@ def better_and_steadier(first: str, a: Returns, second: str, b: Returns, iterati
         verdict([bool(gain.centre >= 0), bool(spread_a < spread_b)]),
         f"At {iteration:,} iterations {first} minus {second}: {_interval(gain)}; standard "
         f"deviation over runs {spread_a:.3f} against {spread_b:.3f}.",
+    )
+
+
+def worse_and_wider(first: str, a: Returns, second: str, b: Returns, iteration: int) -> Claim:
+    """One algorithm earns clearly less than another, paired by run, and varies more."""
+    gain = difference_interval(a.at(iteration), b.at(iteration))
+    spread_a, spread_b = a.at(iteration).std(ddof=1), b.at(iteration).std(ddof=1)
+    return Claim(
+        f"{first} stays low, with a high variance.",
+        verdict([bool(gain.high < 0), bool(spread_a > spread_b)]),
+        f"At {iteration:,} iterations {first} minus {second}: {_interval(gain)}; standard "
+        f"deviation over runs {spread_a:.3f} against {spread_b:.3f}. Mean {first} return "
+        f"{_mean(a.at(iteration)) / _mean(a.optimum):.0%} of the optimum.",
+    )
+
+
+def falls_with(name: str, runs: Returns, distance: np.ndarray, iteration: int) -> Claim:
+    """The share of its optimum that a run earns falls with a distance (R,): slope below zero."""
+    share = runs.at(iteration) / runs.optimum
+    slope = slope_interval(distance, share)
+    return Claim(
+        f"{name} earns less the further the task lies from its sources.",
+        verdict([bool(slope.high < 0)]),
+        f"Per unit of distance the share of the optimum at {iteration:,} iterations changes by "
+        f"{_interval(slope)}.",
     )
 
 

@@ -86,3 +86,20 @@ def difference_interval(a: np.ndarray, b: np.ndarray) -> Interval:
     if a.shape != b.shape:
         raise ValueError(f"paired runs must have equal shapes, got {a.shape} and {b.shape}")
     return mean_interval(a - b)
+
+
+def slope_interval(x: np.ndarray, y: np.ndarray) -> Interval:
+    """Least-squares slope of y on x, both (R,), with its 95% Student interval.
+
+    Raises ValueError with fewer than 3 runs or when all x are equal.
+    """
+    x, y = np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64)
+    if len(x) < 3 or np.ptp(x) == 0:
+        raise ValueError(f"a slope needs at least 3 runs at different places, got {x}")
+    centred = x - x.mean()
+    spread = centred @ centred
+    slope = centred @ y / spread
+    residual = y - y.mean() - slope * centred
+    error = np.sqrt(residual @ residual / (len(x) - 2) / spread)
+    half = _student_95(len(x) - 2) * error
+    return Interval(slope, slope - half, slope + half)

@@ -1,8 +1,23 @@
 """The book's experiments: a frozen configuration per figure; what runs, stores, verifies."""
 
-from vtlib.experiments.rooms import EXPERIMENTS, POOLS, ROOMS_EVALUATION, ROOMS_SLIDERS, Experiment
+from vtlib.experiments.rooms import (
+    EXPERIMENTS,
+    POOLS,
+    ROOMS_CHANGE,
+    ROOMS_EVALUATION,
+    ROOMS_SLIDERS,
+    Experiment,
+)
 
-__all__ = ["EXPERIMENTS", "POOLS", "ROOMS_EVALUATION", "ROOMS_SLIDERS", "Experiment", "named"]
+__all__ = [
+    "EXPERIMENTS",
+    "POOLS",
+    "ROOMS_CHANGE",
+    "ROOMS_EVALUATION",
+    "ROOMS_SLIDERS",
+    "Experiment",
+    "named",
+]
 
 
 def named(name: str) -> Experiment:

@@ -12,7 +12,14 @@ from vtlib.claims import Returns
 from vtlib.envs.draw import draw_rooms
 from vtlib.envs.rooms import Rooms
 from vtlib.experiments.reading import optimum, returns
-from vtlib.experiments.rooms import MGVT, ROOMS_EVALUATION, ROOMS_SLIDERS, slider_name
+from vtlib.experiments.rooms import (
+    FIXED_LOWER,
+    MGVT,
+    ROOMS_EVALUATION,
+    ROOMS_SLIDERS,
+    slider_name,
+)
+from vtlib.experiments.work import load_result
 from vtlib.planning import plan
 from vtlib.plots import (
     COLOURS,
@@ -26,6 +33,7 @@ from vtlib.plots import (
     small_png,
 )
 from vtlib.stats import mean_interval
+from vtlib.store import results_folder
 from vtlib.streams import generator
 
 KINDS = {"learning return": "learning", "greedy return": "greedy"}
@@ -53,11 +61,10 @@ def returns_figure(name: str, labels: Sequence[str]) -> Figure:
         return learning_figure(stored_panels(name, labels), float(optimum(name).mean()))
 
 
-def starts_figure() -> Figure:
-    """Learning return of each method from the minimiser of the KL and from its other start."""
-    name = ROOMS_EVALUATION.name
+def starts_figure(name: str, others: Mapping[str, str]) -> Figure:
+    """Learning return of algorithms from the minimiser of the KL, and from their other start."""
     panels = {}
-    for label, other in (("GVT", "span"), ("1-MGVT", "mean"), ("3-MGVT", "mean")):
+    for label, other in others.items():
         first, second = returns(name, label), returns(name, f"{label}-{other}")
         colour = COLOURS[label]
         panels[f"{label}, dashed from the {other}"] = [
@@ -120,6 +127,30 @@ def head_of(runs: Returns, other: Returns) -> Returns:
     return Returns(
         runs.iterations[:t], runs.learning[:r, :t], runs.greedy[:r, :t], runs.optimum[:r]
     )
+
+
+def door_distance(name: str) -> np.ndarray:
+    """Distance (R,) of each target's lower door from where the lower door of every source is."""
+    doors, _ = load_result(name, "tasks", results_folder())
+    return np.abs(doors["doors"][:, 0] - FIXED_LOWER)
+
+
+def distance_figure(name: str, labels: Sequence[str]) -> Figure:
+    """Share of the optimum at the end against the distance of the lower door, run by run."""
+    distance = door_distance(name)
+    with look():
+        figure = BookFigure(figsize=(7.6, 3.0))
+        axes = figure.subplots(1, len(labels), sharey=True)
+        for ax, label in zip(axes, labels, strict=True):
+            runs = returns(name, label)
+            share = runs.learning[:, -1] / runs.optimum
+            slope, level = np.polyfit(distance, share, 1)
+            ends = np.array([0.0, distance.max()])
+            ax.scatter(distance, share, color=COLOURS[label], s=18, alpha=0.8)
+            ax.plot(ends, level + slope * ends, color=COLOURS[label])
+            ax.set(title=label, xlabel="distance of the lower door", ylim=(-0.03, 1.05))
+        axes[0].set_ylabel("learning return over optimum")
+    return figure
 
 
 def slider_picture(lambda_: float, psi: float, components: int) -> str:

@@ -91,5 +91,19 @@ ROOMS_SLIDERS = Experiment(
     stream=ROOMS_EVALUATION.name,
 )
 
-EXPERIMENTS = {e.name: e for e in (ROOMS_EVALUATION, ROOMS_SLIDERS)}
+FIXED_LOWER = 5.0  # where the lower door of every source is, in section 6.1.2
+ROOMS_CHANGE = Experiment(
+    name="rooms-distribution-change",
+    pool=Pool("rooms-3-fixed-lower-sources", RoomsFamily(rooms=3, fixed_lower=FIXED_LOWER)),
+    family=RoomsFamily(rooms=3),
+    algorithms={
+        "3-MGVT": replace(MGVT, components=3),
+        "GVT": GVT,
+        "GVT-span": replace(GVT, init="span"),
+        "1-MGVT": MGVT,
+        "NT": NT,
+    },
+)
+
+EXPERIMENTS = {e.name: e for e in (ROOMS_EVALUATION, ROOMS_SLIDERS, ROOMS_CHANGE)}
 POOLS = {e.pool.name: e.pool for e in EXPERIMENTS.values()}
