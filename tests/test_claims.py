@@ -90,8 +90,8 @@ def test_the_verdict_of_parts(passed, expected):
 @pytest.mark.parametrize(
     ("means", "expected", "number"),
     [
-        ([0.5, 0.776, 0.79], REPRODUCED, "first at 2,000"),
-        ([0.776, 0.79, 0.79], REPRODUCED, "first at 1,000"),
+        ([0.5, 0.776, 0.788], REPRODUCED, "first at 2,000"),
+        ([0.776, 0.788, 0.788], REPRODUCED, "first at 1,000"),
         ([0.2, 0.5, 0.776], PARTLY, "first at 3,000"),
         ([0.2, 0.776, 0.5], PARTLY, "at the end 62.5%"),
         ([0.2, 0.4, 0.6], NOT, "reached never"),
