@@ -13,6 +13,7 @@ from vtlib.stats import (
     STUDENT_95,
     bootstrap_interval,
     difference_interval,
+    improvement_interval,
     interquartile_mean,
     mean_interval,
     slope_interval,
@@ -171,6 +172,60 @@ def test_the_bootstrap_of_equal_runs_is_a_point():
 def test_the_bootstrap_refuses_what_an_interval_refuses(values):
     with pytest.raises(ValueError, match=r"at least 2 runs|finite"):
         bootstrap_interval(np.array(values), np.random.default_rng(0), draws=10)
+
+
+TASKS = np.repeat(np.arange(4), 5)
+
+
+def test_a_stratified_bootstrap_covers_and_does_not_count_what_tasks_differ_by():
+    rng = np.random.default_rng(2)
+    level = 10.0 * TASKS
+    covered, widths = 0, []
+    for _ in range(600):
+        values = level + rng.standard_normal(20)
+        mine = bootstrap_interval(values, rng, np.mean, TASKS, draws=200)
+        pooled = bootstrap_interval(values, rng, np.mean, draws=200)
+        covered += mine.low <= level.mean() <= mine.high
+        widths.append((mine.high - mine.low, pooled.high - pooled.low))
+    # strata of five runs make the interval too short by sqrt(4/5): 0.92 instead of 0.95
+    assert 0.87 < covered / 600 < 0.96
+    mine, pooled = np.mean(widths, 0)
+    assert mine < 0.2 * pooled
+
+
+def test_strata_must_fit_the_runs():
+    with pytest.raises(ValueError, match="as many strata"):
+        bootstrap_interval(np.zeros(20), np.random.default_rng(0), strata=TASKS[:5])
+
+
+@pytest.mark.parametrize("shift", [0.0, 0.8])
+def test_the_probability_of_improvement_is_covered(shift):
+    rng = np.random.default_rng(3)
+    truth = 0.5 * (1 + math.erf(shift / 2))  # of two normal runs, one shifted
+    covered = 0
+    for _ in range(300):
+        level = 10.0 * TASKS
+        a, b = level + shift + rng.standard_normal(20), level + rng.standard_normal(20)
+        interval = improvement_interval(a, b, rng, TASKS, draws=200)
+        covered += interval.low <= truth <= interval.high
+    assert 0.86 < covered / 300 < 0.98
+
+
+def test_the_probability_of_improvement_counts_pairs_of_a_task():
+    rng = np.random.default_rng(0)
+    a, b = np.array([1.0, 2.0, 9.0, 9.0]), np.array([0.0, 1.0, 9.0, 9.0])
+    interval = improvement_interval(a, b, rng, np.array([0, 0, 1, 1]), draws=50)
+    # task 0: three wins and a tie in four pairs; task 1: four ties
+    assert interval.centre == pytest.approx((3.5 / 4 + 0.5) / 2)
+    assert improvement_interval(b, b, rng, draws=50).centre == 0.5
+    back = improvement_interval(b, a, rng, np.array([0, 0, 1, 1]), draws=50)
+    assert back.centre == pytest.approx(1 - interval.centre)
+
+
+@pytest.mark.parametrize("b", [np.zeros(3), np.zeros((4, 2)), np.array([0, 0, 0, np.nan])])
+def test_improvement_needs_finite_runs_of_one_shape(b):
+    with pytest.raises(ValueError, match=r"two algorithms|finite"):
+        improvement_interval(np.zeros(4), b, np.random.default_rng(0), draws=10)
 
 
 def test_no_run_has_no_interquartile_mean():
