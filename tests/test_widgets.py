@@ -17,7 +17,7 @@ from vtlib.experiments import ROOMS_SLIDERS, Experiment
 from vtlib.experiments.rooms import COMPONENTS, LAMBDAS, MGVT, PSIS, slider_name
 from vtlib.plots import Curve, curve
 from vtlib.sources import Pool, rooms_q
-from vtlib.training import Curves, Diverged
+from vtlib.training import Diverged
 from vtlib.widgets import Axis, LivePanel, parameter_axes, still_sliders
 
 TINY = Experiment(
@@ -211,11 +211,11 @@ def test_a_panel_trains_draws_and_says_so(drawn):
     assert_ready(panel)
 
 
-def quick(experiment: Experiment, label: str, runs: range, *_: object) -> Curves:
+def quick(experiment: Experiment, label: str, runs: range, *_: object) -> dict[str, np.ndarray]:
     """What a training to the end would give, at once."""
     at = np.arange(experiment.every, experiment.iterations + 1, experiment.every)
     flat = np.ones((len(runs), len(at)))
-    return Curves(at, 0.2 * flat, 0.4 * flat, np.zeros((len(runs), 3, 4)))
+    return {"iterations": at, "learning": 0.2 * flat, "greedy": 0.4 * flat}
 
 
 def test_each_return_is_drawn_in_its_own_panel(drawn, monkeypatch):
@@ -301,8 +301,8 @@ def test_an_error_is_shown_and_the_buttons_come_back():
     assert_ready(panel)
 
 
-def fails_with(error: BaseException) -> Callable[..., Curves]:
-    def fail(*_) -> Curves:
+def fails_with(error: BaseException) -> Callable[..., dict]:
+    def fail(*_) -> dict:
         raise error
 
     return fail

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
 
@@ -136,6 +136,114 @@ def no_better(first: str, a: Returns, second: str, b: Returns, iteration: int) -
         verdict([bool(during.low <= 0), bool(end.low <= 0)]),
         f"{first} minus {second}: {_interval(during)} averaged over the run, {_interval(end)} at "
         f"{iteration:,} iterations.",
+    )
+
+
+def never_arrives(name: str, arrivals: np.ndarray) -> Claim:
+    """Fewer than half of the runs ever arrive at the goal; arrivals (R,) counts each run's."""
+    return Claim(
+        f"{name} does not reach the goal.",
+        verdict([bool((arrivals > 0).mean() < 0.5)]),
+        f"{_arrived(arrivals)}",
+    )
+
+
+def arrives(name: str, arrivals: np.ndarray) -> Claim:
+    """At least nine runs in ten arrive at the goal; arrivals (R,) counts each run's."""
+    return Claim(
+        f"{name} reaches the goal.",
+        verdict([bool((arrivals > 0).mean() >= 0.9)]),
+        f"{_arrived(arrivals)}",
+    )
+
+
+def _arrived(arrivals: np.ndarray) -> str:
+    reached = int((arrivals > 0).sum())
+    return (
+        f"{reached} of {len(arrivals)} runs arrive at least once; the median run arrives "
+        f"{np.median(arrivals):g} times."
+    )
+
+
+def gathers_at_door(name: str, share: np.ndarray, even: float) -> Claim:
+    """Visits lie at the door clearly more often than if they were spread evenly; share (R,)."""
+    value = mean_interval(share)
+    return Claim(
+        f"The visits of {name} gather at the door.",
+        verdict([bool(value.low > even)]),
+        f"Share of the lower room's visits that lie at the door: {_interval(value)}; spread evenly "
+        f"{even:.3f}.",
+    )
+
+
+def covers_more(first: str, second: str, pairs: Mapping[str, tuple]) -> Claim:
+    """By each measure {name: (first's (R,), second's (R,))} the first covers clearly more."""
+    gains = {name: difference_interval(a, b) for name, (a, b) in pairs.items()}
+    numbers = "; ".join(
+        f"{name} {_mean(a):.1f} against {_mean(b):.1f}, difference {_interval(gains[name])}"
+        for name, (a, b) in pairs.items()
+    )
+    return Claim(
+        f"{first} covers the lower room more widely than {second}.",
+        verdict([bool(gain.low > 0) for gain in gains.values()]),
+        f"{numbers}.",
+    )
+
+
+def falls_behind_on_unlikely(
+    first: str, a: np.ndarray, second: str, b: np.ndarray, likelihood: np.ndarray, when: str
+) -> Claim:
+    """One earns clearly less on the unlikeliest third, and less so the likelier the task.
+
+    a and b (tasks,) are mean shares of each task's optimum, likelihood (tasks,) its density.
+    """
+    gap = np.asarray(a) - np.asarray(b)
+    unlikely = likelihood <= np.quantile(likelihood, 1 / 3)
+    behind, slope = mean_interval(gap[unlikely]), slope_interval(likelihood, gap)
+    return Claim(
+        f"{first} falls behind {second} on unlikely tasks.",
+        verdict([bool(behind.high < 0), bool(slope.low > 0)]),
+        f"{when}, {first} minus {second}, as a share of the optimum: {_interval(behind)} on the "
+        f"{int(unlikely.sum())} least likely tasks, {_mean(gap[~unlikely]):.3f} on the others; "
+        f"slope over the density {_interval(slope)}.",
+    )
+
+
+def optimal_for_all(name: str, share: np.ndarray, when: str) -> Claim:
+    """Every task's mean return is at least 90% of its optimum; share (tasks,)."""
+    return Claim(
+        f"{name} is near-optimal for all tasks.",
+        verdict([bool((share >= SOLVED).all()), bool(_mean(share) >= SOLVED)]),
+        f"{when} {int((share >= SOLVED).sum())} of {len(share)} tasks reach {SOLVED:.0%} of their "
+        f"optimum; the least earns {share.min():.0%}, the mean {_mean(share):.0%}.",
+    )
+
+
+ABOUT_HALF = 2 / 3  # at most this share of another return is called about half of it
+
+
+def earns_half(first: str, second: str, pairs: Mapping[str, tuple]) -> Claim:
+    """At each time {when: (first's (R,), second's (R,))} the first earns about half or less."""
+    ratios = {when: _mean(a) / _mean(b) for when, (a, b) in pairs.items()}
+    numbers = "; ".join(f"{when} {ratio:.0%}" for when, ratio in ratios.items())
+    return Claim(
+        f"With two sources {first} earns about half of what {second} does.",
+        verdict([ratio <= ABOUT_HALF for ratio in ratios.values()]),
+        f"{first} as a share of {second}: {numbers}.",
+    )
+
+
+def gap_closes(first: str, few: tuple, second: str, many: tuple, when: str) -> Claim:
+    """With many sources no clear difference is left, and a smaller one than with few.
+
+    few and many: returns (R,) of the first and of the second algorithm.
+    """
+    start, end = difference_interval(*few), difference_interval(*many)
+    return Claim(
+        f"{first} and {second} meet as sources grow.",
+        verdict([bool(end.low <= 0 <= end.high), bool(abs(end.centre) < abs(start.centre))]),
+        f"{when} {first} minus {second}: {_interval(start)} with the fewest sources, "
+        f"{_interval(end)} with the most.",
     )
 
 

@@ -103,6 +103,9 @@ class LivePanel:
         self._stored, self._optimum = stored, optimum
         self._axes = [_slider(axis) for axis in parameter_axes()]
         self._runs = ui.BoundedIntText(runs, min=2, max=experiment.runs, description="runs")
+        self._sources = ui.BoundedIntText(
+            experiment.sources, min=1, max=experiment.sources, description="sources"
+        )
         self._iterations = ui.BoundedIntText(
             iterations, min=200, max=experiment.iterations, step=100, description="iterations"
         )
@@ -115,7 +118,7 @@ class LivePanel:
         self._thread: threading.Thread | None = None
         self._run.on_click(lambda _: self.run())
         self._stop.on_click(lambda _: self.stop())
-        numbers = ui.HBox([self._runs, self._iterations, self._run, self._stop])
+        numbers = ui.HBox([self._runs, self._sources, self._iterations, self._run, self._stop])
         self.widget = ui.VBox([*self._axes, numbers, self._bar, self._says, self._picture])
         self._draw([])
 
@@ -149,6 +152,7 @@ class LivePanel:
         live = replace(
             self._experiment,
             algorithms={"live": settings},
+            counts={"live": self._sources.value},
             iterations=self._iterations.value,
         )
         try:
@@ -156,11 +160,11 @@ class LivePanel:
             label = f"{settings.components}-MGVT, just now"
             self._draw(
                 [
-                    Curve(label, curves.iterations, values, NEW)
-                    for values in (curves.learning, curves.greedy)
+                    Curve(label, curves["iterations"], curves[kind], NEW)
+                    for kind in ("learning", "greedy")
                 ]
             )
-            done = int(curves.iterations[-1])
+            done = int(curves["iterations"][-1])
             self._says.value = f"{'stopped' if self._halt.is_set() else 'done'} at {done:,}"
         except Exception as error:  # nobody else would see it: this is a thread of its own
             self._says.value = str(error)

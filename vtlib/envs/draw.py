@@ -30,7 +30,7 @@ def draw_rooms(
         ax.plot(0, 0, "o", color=start_color, clip_on=False)
     ax.set(xlim=(0, SIDE), ylim=(0, SIDE), aspect="equal", xticks=[], yticks=[])
     for spine in ax.spines.values():
-        spine.set(color=wall_color, linewidth=2)
+        spine.set(color=wall_color, linewidth=2, visible=True)
 
 
 def frame(tasks: Rooms, index: int, position: np.ndarray) -> np.ndarray:

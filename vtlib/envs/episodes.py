@@ -101,6 +101,25 @@ class Episodes:
         return transition
 
 
+class RecordedEpisodes(Episodes):
+    """Episodes that keep every state they arrive at."""
+
+    def __init__(self, tasks: Tasks, noise: Stream, starts: Stream, window: int = 50) -> None:
+        super().__init__(tasks, noise, starts, window)
+        self._arrived: list[Tensor] = []
+
+    def step(self, action: Tensor) -> Transition:
+        """Apply actions (R,) and keep where they lead."""
+        transition = super().step(action)
+        self._arrived.append(transition.next_obs)
+        return transition
+
+    @property
+    def visited(self) -> Tensor:
+        """Observations arrived at so far, (R, T, obs_dim)."""
+        return torch.stack(self._arrived, 1)
+
+
 class GymEpisodes:
     """Ordinary Gymnasium environments in lock-step, one for each run, behind the same interface.
 

@@ -4,8 +4,13 @@ from vtlib.experiments.rooms import (
     EXPERIMENTS,
     POOLS,
     ROOMS_CHANGE,
+    ROOMS_CHANGE_SLIDERS,
     ROOMS_EVALUATION,
+    ROOMS_EXPLORATION,
+    ROOMS_LIKELIHOOD,
+    ROOMS_LIKELIHOOD_SLIDERS,
     ROOMS_SLIDERS,
+    ROOMS_SOURCES,
     Experiment,
 )
 
@@ -13,8 +18,13 @@ __all__ = [
     "EXPERIMENTS",
     "POOLS",
     "ROOMS_CHANGE",
+    "ROOMS_CHANGE_SLIDERS",
     "ROOMS_EVALUATION",
+    "ROOMS_EXPLORATION",
+    "ROOMS_LIKELIHOOD",
+    "ROOMS_LIKELIHOOD_SLIDERS",
     "ROOMS_SLIDERS",
+    "ROOMS_SOURCES",
     "Experiment",
     "named",
 ]

@@ -12,13 +12,7 @@ from vtlib.claims import Returns
 from vtlib.envs.draw import draw_rooms
 from vtlib.envs.rooms import Rooms
 from vtlib.experiments.reading import optimum, returns
-from vtlib.experiments.rooms import (
-    FIXED_LOWER,
-    MGVT,
-    ROOMS_EVALUATION,
-    ROOMS_SLIDERS,
-    slider_name,
-)
+from vtlib.experiments.rooms import FIXED_LOWER, MGVT, Experiment, slider_name
 from vtlib.experiments.work import load_result
 from vtlib.planning import plan
 from vtlib.plots import (
@@ -153,20 +147,33 @@ def distance_figure(name: str, labels: Sequence[str]) -> Figure:
     return figure
 
 
-def slider_picture(lambda_: float, psi: float, components: int) -> str:
+def slider_picture(
+    experiment: Experiment, sliders: Experiment, lambda_: float, psi: float, components: int
+) -> str:
     """One setting of the sliders as an HTML picture, with NT and GVT for reference."""
-    name = ROOMS_EVALUATION.name
     label = f"{components}-MGVT"
-    mine = returns(ROOMS_SLIDERS.name, slider_name(lambda_, psi, components))
-    references = {x: (x, head_of(returns(name, x), mine)) for x in ("NT", "GVT")}
+    mine = returns(sliders.name, slider_name(lambda_, psi, components))
+    references = {x: (x, head_of(returns(experiment.name, x), mine)) for x in ("NT", "GVT")}
     panels = two_panels(references | {label: (label, mine)})
-    thesis = (lambda_, psi) == (MGVT.lambda_, MGVT.psi) and components in (1, 3)
-    count = f"{components} component{'s' if components > 1 else ''}"
-    setting = f"lambda = {lambda_:.0e}, psi = {psi:g}, {count}"
     with look():
-        title = f"λ = {power_of_ten(lambda_)}, ψ = {psi:g}, {count}"
-        title += " (the thesis' setting)" if thesis else ""
+        title = setting_title(lambda_, psi, components)
         figure = learning_figure(panels, float(mine.optimum.mean()), title=title)
         end = mean_interval(mine.learning[:, -1]).centre
-        alt = f"Returns of {label} with {setting}; final learning return {end:.2f}."
-        return image_html(small_png(figure), alt)
+        alt = f"Returns with {setting_words(lambda_, psi, components)}; "
+        return image_html(small_png(figure), alt + f"final learning return {end:.2f}.")
+
+
+def setting_title(lambda_: float, psi: float, components: int) -> str:
+    """A setting of the sliders in symbols, the thesis' own marked."""
+    thesis = (lambda_, psi) == (MGVT.lambda_, MGVT.psi) and components in (1, 3)
+    title = f"λ = {power_of_ten(lambda_)}, ψ = {psi:g}, {_counted(components)}"
+    return title + (" (the thesis' setting)" if thesis else "")
+
+
+def setting_words(lambda_: float, psi: float, components: int) -> str:
+    """A setting of the sliders in words, for those who hear a picture."""
+    return f"lambda = {lambda_:.0e}, psi = {psi:g}, {_counted(components)}"
+
+
+def _counted(components: int) -> str:
+    return f"{components} component{'s' if components > 1 else ''}"

@@ -9,14 +9,14 @@ import numpy as np
 import torch
 
 from vtlib.baselines import MellowTD, MellowTDSettings
-from vtlib.envs.episodes import Episodes
+from vtlib.envs.episodes import Episodes, RecordedEpisodes
 from vtlib.envs.rooms import Rooms
 from vtlib.evaluation import GreedyReturn
 from vtlib.experiments.rooms import Algorithm, Experiment
 from vtlib.planning import optimal_return
 from vtlib.sources import draw_tasks, rooms_q
 from vtlib.streams import Stream, generator
-from vtlib.training import FINGERPRINTS, Agent, Curves, train
+from vtlib.training import FINGERPRINTS, Agent, train
 from vtlib.transfer import VariationalTransfer
 
 EVALUATION_EPISODES = 10
@@ -34,7 +34,8 @@ class Batch:
 
 def targets(experiment: Experiment, runs: Sequence[int]) -> Rooms:
     """The target task of each run."""
-    return draw_tasks(experiment.family, experiment.stream, runs)
+    numbers = [experiment.task_of(run) for run in runs]
+    return draw_tasks(experiment.family, experiment.stream, numbers)
 
 
 def chosen_sources(experiment: Experiment, runs: Sequence[int]) -> np.ndarray:
@@ -68,7 +69,8 @@ def prepare(
             q, start, Rooms.obs_dim, algorithm, stream("exploration"), stream("replay")
         )
     else:
-        sources = torch.from_numpy(pool[chosen_sources(experiment, runs)])
+        chosen = chosen_sources(experiment, runs)[:, : experiment.sources_of(label)]
+        sources = torch.from_numpy(pool[chosen])
         agent = VariationalTransfer(
             q,
             sources,
@@ -78,9 +80,10 @@ def prepare(
             stream("component"),
             stream("replay"),
         )
+    kind = RecordedEpisodes if experiment.visits else Episodes
     return Batch(
         agent,
-        Episodes(tasks, stream("noise"), stream("start")),
+        kind(tasks, stream("noise"), stream("start")),
         GreedyReturn(q, tasks, stream("test noise"), stream("test start"), EVALUATION_EPISODES),
         [f"run {run} of {experiment.name}, {label}" for run in runs],
     )
@@ -92,10 +95,10 @@ def run_batch(
     runs: Sequence[int],
     pool: np.ndarray,
     progress: Callable[[int], bool] | None = None,
-) -> Curves:
-    """Train some runs of the algorithm of that label to the experiment's end."""
+) -> dict[str, np.ndarray]:
+    """Train some runs of the algorithm of that label to the experiment's end: arrays to store."""
     batch = prepare(experiment, label, experiment.algorithms[label], runs, pool)
-    return train(
+    curves = train(
         batch.agent,
         batch.episodes,
         batch.greedy_return,
@@ -104,6 +107,16 @@ def run_batch(
         batch.names,
         progress,
     )
+    arrays = {
+        "run": np.array(runs),
+        "iterations": curves.iterations,
+        "learning": curves.learning.astype(np.float32),
+        "greedy": curves.greedy.astype(np.float32),
+        "fingerprints": curves.fingerprints,
+    }
+    if isinstance(batch.episodes, RecordedEpisodes):
+        arrays["visited"] = batch.episodes.visited.numpy()
+    return arrays
 
 
 def head(experiment: Experiment, label: str, runs: Sequence[int], pool: np.ndarray) -> np.ndarray:
@@ -117,9 +130,9 @@ def head(experiment: Experiment, label: str, runs: Sequence[int], pool: np.ndarr
 def task_table(experiment: Experiment) -> dict[str, np.ndarray]:
     """Targets, chosen sources and planned optimum of all runs."""
     runs = range(experiment.runs)
-    tasks = targets(experiment, runs)
+    firsts = targets(experiment, runs[:: experiment.runs_per_task])
     return {
-        "doors": tasks.doors.numpy(),
+        "doors": targets(experiment, runs).doors.numpy(),
         "sources": chosen_sources(experiment, runs),
-        "optimum": optimal_return(tasks).numpy(),
+        "optimum": optimal_return(firsts).numpy().repeat(experiment.runs_per_task),
     }

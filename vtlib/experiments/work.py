@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import json
 import multiprocessing
+import os
 import shutil
 import threading
 import time
@@ -85,20 +86,13 @@ def compute(unit: Unit, root: Path, report: Callable[[Unit, float], bool]) -> st
     if unit.label == "tasks":
         return runs_of.task_table(experiment)
     weights = pool_weights(experiment.pool, root)
-    curves = runs_of.run_batch(
+    return runs_of.run_batch(
         experiment,
         unit.label,
         unit.members,
         weights,
         lambda t: report(unit, t / experiment.iterations),
     )
-    return {
-        "run": np.array(unit.members),
-        "iterations": curves.iterations,
-        "learning": curves.learning.astype(np.float32),
-        "greedy": curves.greedy.astype(np.float32),
-        "fingerprints": curves.fingerprints,
-    }
 
 
 def pool_weights(pool: Pool, root: Path) -> np.ndarray:
@@ -144,11 +138,8 @@ def _done(unit: Unit, root: Path) -> bool:
 def _run_all(units: Sequence[Unit], root: Path, jobs: int, quiet: bool) -> None:
     """Run units in ``jobs`` processes, with one progress bar over all of them."""
     context = multiprocessing.get_context("spawn")
-    with (
-        context.Manager() as manager,
-        tqdm(total=100 * len(units), desc=units[0].owner, unit="%", disable=quiet) as bar,
-    ):
-        queue = manager.Queue()
+    queue = context.Queue()
+    with tqdm(total=100 * len(units), desc=units[0].owner, unit="%", disable=quiet) as bar:
         watcher = threading.Thread(target=_watch, args=(queue, bar), daemon=True)
         watcher.start()
         try:
@@ -159,8 +150,8 @@ def _run_all(units: Sequence[Unit], root: Path, jobs: int, quiet: bool) -> None:
 
 
 def _compute_all(units: Sequence[Unit], root: Path, jobs: int, context, queue) -> None:
-    with ProcessPoolExecutor(jobs, context, _one_thread) as executor:
-        futures = [executor.submit(_in_process, unit, root, queue) for unit in units]
+    with ProcessPoolExecutor(jobs, context, _begin_worker, (queue,)) as executor:
+        futures = [executor.submit(_in_process, unit, root) for unit in units]
         try:
             for future in as_completed(futures):
                 future.result()
@@ -170,17 +161,29 @@ def _compute_all(units: Sequence[Unit], root: Path, jobs: int, context, queue) -
             raise
 
 
-def _one_thread() -> None:
+_queue = None  # where a worker reports to
+
+
+def _begin_worker(queue) -> None:
+    global _queue
+    _queue = queue
     torch.set_num_threads(1)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
 
 
-def _in_process(unit: Unit, root: Path, queue) -> None:
+def _end_with_parent() -> None:
+    """A worker whose parent was killed would otherwise compute on, or wait for ever."""
+    multiprocessing.parent_process().join()
+    os._exit(1)
+
+
+def _in_process(unit: Unit, root: Path) -> None:
     def report(unit: Unit, share: float) -> bool:
-        queue.put((unit, share))
+        _queue.put((unit, share))
         return True
 
     run_unit(unit, root, report)
-    queue.put((unit, 1.0))
+    _queue.put((unit, 1.0))
 
 
 def _watch(queue, bar: tqdm) -> None:
@@ -241,7 +244,10 @@ def config_of(owner: str, label: str) -> dict:
         "family": asdict(experiment.family),
         "stream": experiment.stream,
     }
+    if experiment.runs_per_task > 1:
+        config["runs_per_task"] = experiment.runs_per_task
     if label in experiment.algorithms:
+        config["sources"] = experiment.sources_of(label)
         config["iterations"] = experiment.iterations
         config["every"] = experiment.every
         config["algorithm"] = asdict(experiment.algorithms[label])
