@@ -34,7 +34,7 @@ book: $(SET_UP)
 	@$(BIN)/python book/_ext/build.py
 
 test: $(SET_UP)
-	@echo "==> Testing: about 5 minutes on two cores (linter, library, book from scratch, browser)."
+	@echo "==> Testing: about 8 minutes on two cores (linter, library, book from scratch, browser)."
 	@$(MAKE) --no-print-directory lint
 	@$(BIN)/python -m pytest
 

@@ -1,15 +1,19 @@
-"""Mellow TD with epsilon-greedy exploration: how it explores and what it learns."""
+"""The baselines: how they explore and what they learn."""
 
 from __future__ import annotations
 
 import math
 
+import numpy as np
 import pytest
 import torch
 from torch import Tensor
 
-from vtlib.baselines import MellowTD, MellowTDSettings
-from vtlib.qfunctions import RBFLinear
+from vtlib.baselines import DDQN, DDQNSettings, MellowTD, MellowTDSettings
+from vtlib.envs.cartpole import CartpoleFamily
+from vtlib.envs.episodes import Episodes
+from vtlib.evaluation import GreedyReturn
+from vtlib.qfunctions import MLP, RBFLinear
 from vtlib.replay import Transition
 from vtlib.streams import Stream
 from vtlib.transfer import td_gradients
@@ -156,3 +160,80 @@ def test_bad_initial_weights_are_refused(w):
     streams = [Stream("t", [0, 1], role) for role in ("explore", "replay")]
     with pytest.raises(ValueError, match="weights"):
         MellowTD(BASES, w, 2, MellowTDSettings(epsilon_steps=1), *streams)
+
+
+NETWORK = MLP((2, 5, 3))
+
+
+def network(w: Tensor) -> torch.nn.Sequential:
+    """The same multilayer perceptron as a torch module."""
+    module = torch.nn.Sequential(torch.nn.Linear(2, 5), torch.nn.ReLU(), torch.nn.Linear(5, 3))
+    torch.nn.utils.vector_to_parameters(w, module.parameters())
+    return module
+
+
+def plainly(
+    w: Tensor, run: int, transitions: list[Transition], settings: DDQNSettings
+) -> torch.nn.Sequential:
+    """Double deep Q-learning of one run as the textbooks write it, by autograd."""
+    online, target = network(w.clone()), network(w.clone())
+    adam = torch.optim.Adam(online.parameters(), settings.alpha)
+    uniforms = Stream("t", [run], "replay")
+    for t, _ in enumerate(transitions, 1):
+        picks = (uniforms.uniform(settings.batch)[0] * t).long()
+        losses = []
+        for i in picks.tolist():
+            obs, action, reward, following, terminal = (x[run] for x in transitions[i])
+            with torch.no_grad():
+                best = online(following).argmax()
+                value = 0.0 if terminal else target(following)[best]
+            goal = torch.as_tensor(reward + settings.gamma * value)
+            losses.append(torch.nn.functional.huber_loss(online(obs)[action], goal))
+        adam.zero_grad()
+        torch.stack(losses).mean().backward()
+        adam.step()
+        if t % settings.target_every == 0:
+            target.load_state_dict(online.state_dict())
+    return online
+
+
+def test_ddqn_is_the_textbooks_algorithm():
+    settings = DDQNSettings(epsilon_steps=10, batch=4, target_every=5, alpha=0.01)
+    w = 2 * draw(2, NETWORK.d)
+    streams = (Stream("t", [0, 1], role) for role in ("explore", "replay"))
+    learner = DDQN(NETWORK, w, 2, settings, *streams)
+    transitions = [transition(2, seed, terminal=seed % 4 == 0) for seed in range(13)]
+    transitions = [t._replace(action=t.action % 3, reward=5 * t.reward) for t in transitions]
+    for one in transitions:
+        learner.learn(one)
+    for run in range(2):
+        expected = plainly(w[run], run, transitions, settings)
+        weights = torch.nn.utils.parameters_to_vector(expected.parameters())
+        torch.testing.assert_close(learner.mu[run, 0], weights, rtol=1e-4, atol=1e-5)
+    assert (learner.mu[:, 0] - w).abs().max() > 0.05
+
+
+def test_ddqn_learns_to_balance_a_pole():
+    family = CartpoleFamily()
+    tasks = family.join([family.sample(np.random.default_rng(seed), 1) for seed in range(2)])
+    q = MLP((4, 32, 2))
+    runs = range(2)
+
+    def stream(role: str) -> Stream:
+        return Stream("balance", runs, role)
+
+    # a short horizon of the values, so that few iterations are enough
+    settings = DDQNSettings(1_500, gamma=0.9, batch=64, alpha=2e-3, target_every=100)
+    start = 0.1 * draw(1, q.d).repeat(2, 1)
+    learner = DDQN(q, start, 4, settings, stream("explore"), stream("replay"))
+    episodes = Episodes(tasks, stream("noise"), stream("start"))
+    for _ in range(3_500):
+        learner.learn(episodes.step(learner.act(episodes.obs, episodes.fresh)))
+    # 100 steps earn 63.4, a random policy's 18 on average
+    assert (GreedyReturn(q, tasks, stream("test noise"), stream("test"))(learner.mu) > 55).all()
+
+
+@pytest.mark.parametrize("bad", [0, -5, 2.5])
+def test_ddqn_refuses_a_target_that_is_never_copied(bad):
+    with pytest.raises(ValueError, match="target_every"):
+        DDQNSettings(epsilon_steps=10, target_every=bad)

@@ -11,7 +11,8 @@ from urllib.parse import unquote, urldefrag, urlsplit
 import pytest
 from bs4 import BeautifulSoup
 
-from vtlib.experiments.rooms import COMPONENTS, LAMBDAS, MGVT, PSIS
+from vtlib.experiments.experiment import COMPONENTS, LAMBDAS, PSIS
+from vtlib.experiments.rooms import MGVT
 
 ROOT = Path(__file__).resolve().parents[1]
 SYSTEM_PAGES = {"genindex.html", "search.html", "index.html"}

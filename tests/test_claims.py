@@ -8,22 +8,32 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
+from vtlib import visits
 from vtlib.claims import (
     NOT,
     PARTLY,
     REPRODUCED,
     Claim,
     Returns,
+    arrives,
     better_and_steadier,
+    covers_more,
+    earns_half,
+    falls_behind_on_unlikely,
     falls_with,
+    gap_closes,
+    gathers_at_door,
+    never_arrives,
     no_better,
     only_beginning,
     optimal_by,
+    optimal_for_all,
     solves_most,
     table,
     verdict,
     worse_and_wider,
 )
+from vtlib.experiments.exploration import visited
 
 ITERATIONS = np.array([1000, 2000, 3000])
 # Deviations of eight runs that leave the mean alone.
@@ -236,3 +246,229 @@ def test_a_slope_that_may_be_chance_is_not_reproduced():
     noise = np.array([1.0, -1.0] * (len(WAVE) // 2))
     runs.learning[:, -1] = 0.4 - 0.001 * distance + 0.1 * noise
     assert falls_with("GVT", runs, distance, 3000).verdict == NOT
+
+
+def arrivals_of(reached: int, runs: int = 10) -> np.ndarray:
+    """Arrivals of runs of which so many arrive, the first once, the second twice and so on."""
+    return np.where(np.arange(runs) < reached, np.arange(1, runs + 1), 0)
+
+
+@pytest.mark.parametrize(("reached", "expected"), [(0, REPRODUCED), (4, REPRODUCED), (5, NOT)])
+def test_never_arrives_means_fewer_than_half_of_the_runs(reached, expected):
+    claim = never_arrives("NT", arrivals_of(reached))
+    assert claim.verdict == expected
+    assert claim.text == "NT does not reach the goal."
+    assert f"{reached} of 10 runs arrive at least once" in claim.evidence
+
+
+@pytest.mark.parametrize(("reached", "expected"), [(10, REPRODUCED), (9, REPRODUCED), (8, NOT)])
+def test_arrives_means_nine_runs_in_ten(reached, expected):
+    claim = arrives("GVT", arrivals_of(reached))
+    assert claim.verdict == expected
+    assert claim.text == "GVT reaches the goal."
+    assert f"{reached} of 10 runs arrive at least once" in claim.evidence
+
+
+@pytest.mark.parametrize(
+    ("arrivals", "median"), [([0, 0, 0, 7], "0"), ([0, 3, 4, 90], "3.5"), ([5, 5, 83], "5")]
+)
+def test_the_median_run_arrives_so_often(arrivals, median):
+    for claim in (never_arrives("NT", np.array(arrivals)), arrives("NT", np.array(arrivals))):
+        assert f"the median run arrives {median} times" in claim.evidence
+
+
+@pytest.mark.parametrize(
+    ("mean", "spread", "expected"),
+    [(0.3, 0.01, REPRODUCED), (0.14, 0.1, NOT), (0.1, 0.01, NOT)],
+    ids=["clearly more", "more by chance", "less"],
+)
+def test_gathers_at_door(mean, spread, expected):
+    claim = gathers_at_door("GVT", mean + spread * WAVE, 0.126)
+    assert claim.verdict == expected
+    assert "GVT" in claim.text
+    # Student's quantile of seven degrees of freedom
+    half = 2.365 * np.std(spread * WAVE, ddof=1) / np.sqrt(len(WAVE))
+    ends = f"{mean:.3f} (95% interval {mean - half:.3f} to {mean + half:.3f})"
+    assert f"lie at the door: {ends}; spread evenly 0.126." in claim.evidence
+
+
+@pytest.mark.parametrize(
+    ("cells", "effective", "expected"),
+    [
+        (5.0, 2.0, REPRODUCED),
+        (5.0, 0.0, PARTLY),
+        (0.1, 2.0, PARTLY),
+        (0.1, 0.1, NOT),
+        (-5.0, -2.0, NOT),
+    ],
+)
+def test_covers_more(cells, effective, expected):
+    shared = np.linspace(10, 40, len(WAVE))
+    pairs = {
+        "cells": (shared + cells + WAVE, shared),
+        "effective": (shared / 2 + effective + WAVE, shared / 2),
+    }
+    claim = covers_more("1-MGVT", "GVT", pairs)
+    assert claim.verdict == expected
+    assert claim.text == "1-MGVT covers the lower room more widely than GVT."
+    half = 2.365 * np.std(WAVE, ddof=1) / np.sqrt(len(WAVE))
+    for name, base, gain in (("cells", 25.0, cells), ("effective", 12.5, effective)):
+        ends = f"{gain:.3f} (95% interval {gain - half:.3f} to {gain + half:.3f})"
+        means = f"{name} {base + gain:.1f} against {base:.1f}"
+        assert f"{means}, difference {ends}" in claim.evidence
+
+
+# Densities of nine tasks, out of order; the three least likely are the last, third and sixth.
+LIKELIHOOD = np.array([0.22, 0.12, 0.05, 0.20, 0.15, 0.08, 0.18, 0.10, 0.02])
+UNLIKELY = np.array([2, 5, 8])
+
+
+@pytest.mark.parametrize(
+    ("level", "slope", "noise", "expected"),
+    [
+        (-0.4, 2.0, 0.0, REPRODUCED),
+        (-0.2, 0.0, 0.01, PARTLY),
+        (0.1, 2.0, 0.0, PARTLY),
+        (0.0, 0.0, -0.1, NOT),
+        (0.3, -2.0, 0.0, NOT),
+    ],
+    ids=["falls behind", "behind everywhere", "never behind", "by chance", "the other way round"],
+)
+def test_falls_behind_on_unlikely(level, slope, noise, expected):
+    gap = level + slope * LIKELIHOOD + noise * np.array([1, -1, 1, 1, -1, -1, -1, 1, 0.5])
+    b = np.linspace(0.5, 0.9, 9)
+    claim = falls_behind_on_unlikely("GVT", b + gap, "1-MGVT", b, LIKELIHOOD, "At 500")
+    assert claim.verdict == expected
+    assert claim.text == "GVT falls behind 1-MGVT on unlikely tasks."
+    others = np.delete(gap, UNLIKELY).mean()
+    assert claim.evidence.startswith("At 500, GVT minus 1-MGVT")
+    assert f"optimum: {gap[UNLIKELY].mean():.3f} (95% interval" in claim.evidence
+    assert f"on the 3 least likely tasks, {others:.3f} on the others" in claim.evidence
+    fitted = np.polyfit(LIKELIHOOD, gap, 1)[0]
+    assert f"slope over the density {fitted:.3f} (95% interval" in claim.evidence
+
+
+@pytest.mark.parametrize(("tasks", "least"), [(9, 3), (20, 7), (3, 1)])
+def test_a_third_of_the_tasks_is_unlikely(tasks, least):
+    likelihood = np.linspace(0.01, 0.2, tasks)
+    if least < 2:
+        with pytest.raises(ValueError, match="at least 2"):
+            falls_behind_on_unlikely("a", likelihood, "b", likelihood, likelihood, "")
+        return
+    claim = falls_behind_on_unlikely("a", likelihood, "b", likelihood, likelihood, "")
+    assert f"on the {least} least likely tasks" in claim.evidence
+
+
+@pytest.mark.parametrize(
+    ("share", "expected", "reach"),
+    [
+        ([0.9, 0.95, 0.97, 0.98], REPRODUCED, "4 of 4"),
+        ([0.6, 0.99, 1.0, 1.01], NOT, "3 of 4"),
+        ([0.8, 0.99, 1.0, 1.01], PARTLY, "3 of 4"),
+        ([0.3, 0.4, 0.5, 0.6], NOT, "0 of 4"),
+    ],
+    ids=["all", "one far off", "one off", "none"],
+)
+def test_optimal_for_all(share, expected, reach):
+    claim = optimal_for_all("1-MGVT", np.array(share), "At 4,000")
+    assert claim.verdict == expected
+    assert "1-MGVT" in claim.text
+    assert claim.evidence == (
+        f"At 4,000 {reach} tasks reach 90% of their optimum; "
+        f"the least earns {share[0]:.0%}, the mean {np.mean(share):.0%}."
+    )
+
+
+@pytest.mark.parametrize(
+    ("early", "late", "expected"),
+    [
+        (0.5, 0.66, REPRODUCED),
+        (0.0, 0.3, REPRODUCED),
+        (0.5, 0.68, PARTLY),
+        (0.9, 0.5, PARTLY),
+        (0.9, 1.2, NOT),
+    ],
+)
+def test_earns_half(early, late, expected):
+    b = 0.5 + 0.1 * WAVE
+    pairs = {"at 1,000": (0.5 * early * np.ones(8), b), "at 1,950": (late * b[::-1], b)}
+    claim = earns_half("GVT", "2-MGVT", pairs)
+    assert claim.verdict == expected
+    assert claim.text == "With two sources GVT earns about half of what 2-MGVT does."
+    assert claim.evidence == (
+        f"GVT against 2-MGVT at 1,000 {0.5 * early:.2f} against 0.50; "
+        f"at 1,950 {0.5 * late:.2f} against 0.50."
+    )
+
+
+@pytest.mark.parametrize(
+    ("few", "many", "spread", "expected"),
+    [
+        (-0.3, 0.0, 0.01, REPRODUCED),
+        (0.3, -0.1, 0.2, REPRODUCED),
+        (-0.3, -0.1, 0.01, PARTLY),
+        (-0.3, 0.1, 0.01, PARTLY),
+        (0.01, -0.05, 0.2, PARTLY),
+        (-0.1, -0.3, 0.01, PARTLY),
+        (0.0, 0.3, 0.01, NOT),
+        (0.0, -0.3, 0.01, NOT),
+    ],
+)
+def test_gap_closes(few, many, spread, expected):
+    b = np.linspace(0.4, 0.8, len(WAVE))
+    ends = [(b + gap + spread * WAVE, b) for gap in (few, many)]
+    claim = gap_closes("GVT", ends[0], "1-MGVT", ends[1], "At 1,950")
+    assert claim.verdict == expected
+    assert claim.text == "GVT and 1-MGVT meet as sources grow."
+    half = 2.365 * np.std(spread * WAVE, ddof=1) / np.sqrt(len(WAVE))
+    start, end = (
+        f"{gap:.3f} (95% interval {gap - half:.3f} to {gap + half:.3f})" for gap in (few, many)
+    )
+    assert claim.evidence == (
+        f"At 1,950 GVT minus 1-MGVT: {start} with the fewest sources, {end} with the most."
+    )
+
+
+# Claims on stored runs as they are, and with what they are about exchanged.
+
+
+@pytest.fixture(scope="module")
+def seen() -> dict[str, np.ndarray]:
+    return {label: visited("rooms-exploration", label) for label in ("NT", "GVT", "1-MGVT")}
+
+
+def test_stored_runs_by_chance_hardly_arrive_and_others_do(seen):
+    arrived = {label: visits.arrivals(at) for label, at in seen.items()}
+    assert never_arrives("NT", arrived["NT"]).verdict == REPRODUCED
+    assert arrives("GVT", arrived["GVT"]).verdict == REPRODUCED
+    assert never_arrives("NT", arrived["GVT"]).verdict == NOT
+    assert arrives("GVT", arrived["NT"]).verdict == NOT
+    # the same runs cut off before anyone can have arrived: twenty steps from corner to corner
+    early = visits.arrivals(seen["GVT"][:, :12])
+    assert arrives("GVT", early).verdict == NOT
+    assert "0 of 20 runs arrive at least once" in arrives("GVT", early).evidence
+
+
+def test_stored_visits_gather_at_the_door_that_is_there(seen):
+    even = visits.uniform_share_at_door()
+
+    def judged(label: str, door: float) -> str:
+        return gathers_at_door(label, visits.share_at_door(seen[label], door), even).verdict
+
+    assert judged("GVT", 5.0) == judged("1-MGVT", 5.0) == REPRODUCED
+    assert judged("NT", 5.0) == NOT
+    # a door where there is none
+    assert judged("GVT", 8.0) == NOT
+
+
+def test_stored_coverage_the_other_way_round_is_not_reproduced(seen):
+    measures = {"cells": visits.cells_visited, "effective": visits.effective_cells}
+
+    def claim(first: str, second: str) -> Claim:
+        pairs = {name: (f(seen[first]), f(seen[second])) for name, f in measures.items()}
+        return covers_more(first, second, pairs)
+
+    assert claim("1-MGVT", "GVT").verdict == REPRODUCED
+    assert claim("GVT", "1-MGVT").verdict == NOT
+    cells = visits.cells_visited(seen["1-MGVT"]).mean()
+    assert f"cells {cells:.1f} against" in claim("1-MGVT", "GVT").evidence

@@ -121,8 +121,8 @@ def test_every_label_of_an_experiment_belongs_to_an_algorithm_with_a_colour(name
 
 
 def test_an_algorithm_without_a_colour():
-    with pytest.raises(KeyError, match="DDQN"):
-        some("DDQN")
+    with pytest.raises(KeyError, match="SARSA"):
+        some("SARSA")
 
 
 def test_a_figure_says_what_its_axes_are(figure):

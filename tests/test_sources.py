@@ -12,8 +12,9 @@ from torch import Tensor
 
 from vtlib import sources
 from vtlib.baselines import MellowTDSettings
+from vtlib.domains import DOMAINS, rooms_q
 from vtlib.envs.rooms import Rooms, RoomsFamily
-from vtlib.sources import Pool, SourceTraining, draw_tasks, head, pool_tasks, rooms_q, solve
+from vtlib.sources import Pool, SourceTraining, draw_tasks, head, pool_tasks, solve
 from vtlib.training import Diverged
 
 TINY = Pool(
@@ -34,7 +35,8 @@ ROUNDING = {"rtol": 1e-3, "atol": 1e-3}
 @pytest.fixture(autouse=True)
 def planned(monkeypatch):
     """Planning is tested elsewhere; here every task has the same optimum."""
-    monkeypatch.setattr(sources, "optimal_return", lambda tasks: torch.full((len(tasks),), OPTIMUM))
+    best = replace(DOMAINS[RoomsFamily], optimum=lambda tasks: torch.full((len(tasks),), OPTIMUM))
+    monkeypatch.setitem(DOMAINS, RoomsFamily, best)
 
 
 class Script:
@@ -43,9 +45,9 @@ class Script:
     def __init__(self, returns: Sequence[Sequence[float]]) -> None:
         self._returns, self.seen = torch.tensor(returns), []
 
-    def __call__(self, mu: Tensor) -> Tensor:
+    def episodes(self, mu: Tensor) -> Tensor:
         self.seen.append(mu[:, 0].numpy().copy())
-        return self._returns[len(self.seen) - 1]
+        return self._returns[len(self.seen) - 1].unsqueeze(1)
 
 
 @pytest.fixture

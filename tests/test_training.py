@@ -11,11 +11,11 @@ import torch
 from torch import Tensor
 
 from vtlib.baselines import MellowTD, MellowTDSettings
+from vtlib.domains import rooms_q
 from vtlib.envs.episodes import Episodes
 from vtlib.envs.rooms import Rooms
 from vtlib.evaluation import GreedyReturn
 from vtlib.replay import Transition
-from vtlib.sources import rooms_q
 from vtlib.streams import Stream
 from vtlib.training import FINGERPRINTS, Curves, Diverged, check_finite, fingerprint, train
 from vtlib.transfer import Settings, VariationalTransfer

@@ -10,6 +10,7 @@ import pytest
 import torch
 from torch import Tensor
 
+from vtlib import transfer
 from vtlib.envs.episodes import Episodes
 from vtlib.factor import CholeskyFactors
 from vtlib.gaussian import Gaussian, Precision, kl_gradients, low_rank_precision
@@ -35,7 +36,8 @@ class Linear:
     """Q of one weight per feature and action, with the observation itself as features."""
 
     def __init__(self, features: int, n_actions: int = 1) -> None:
-        self.n_actions, self.d = n_actions, features * n_actions
+        self.n_actions = self.width = n_actions
+        self.d = features * n_actions
 
     def prepare(self, obs: Tensor) -> Tensor:
         return obs
@@ -556,3 +558,20 @@ def test_sources_must_be_single_precision(dtype):
 def test_bad_sources_stop_the_agent_before_it_starts():
     with pytest.raises(ValueError, match="at least 1 source"):
         VariationalTransfer(Linear(2, 3), torch.zeros(2, 0, 6), 2, Settings(), *streams([0, 1]))
+
+
+def test_runs_taken_a_few_at_a_time_have_the_same_gradients(monkeypatch):
+    q, runs, samples, size = MLP((2, 7, 3)), 5, 4, 6
+    g = torch.Generator().manual_seed(0)
+    batch = Transition(
+        torch.randn(runs, size, 2, generator=g),
+        torch.randint(3, (runs, size), generator=g),
+        torch.randn(runs, size, generator=g),
+        torch.randn(runs, size, 2, generator=g),
+        torch.rand(runs, size, generator=g) < 0.3,
+    )
+    w = torch.randn(runs, samples, q.d, generator=g)
+    together = td_gradients(q, w, batch, 0.5, 0.99, 10.0)
+    for limit in (1, 2 * samples * 2 * size * q.width):
+        monkeypatch.setattr(transfer, "CACHED", limit)
+        torch.testing.assert_close(td_gradients(q, w, batch, 0.5, 0.99, 10.0), together)

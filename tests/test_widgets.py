@@ -12,11 +12,14 @@ import numpy as np
 import pytest
 
 from vtlib import widgets
+from vtlib.domains import rooms_q
 from vtlib.envs.rooms import RoomsFamily
 from vtlib.experiments import ROOMS_SLIDERS, Experiment
-from vtlib.experiments.rooms import COMPONENTS, LAMBDAS, MGVT, PSIS, slider_name
+from vtlib.experiments import runs as runs_of
+from vtlib.experiments.experiment import COMPONENTS, LAMBDAS, PSIS, slider_name
+from vtlib.experiments.rooms import MGVT
 from vtlib.plots import Curve, curve
-from vtlib.sources import Pool, rooms_q
+from vtlib.sources import Pool
 from vtlib.training import Diverged
 from vtlib.widgets import Axis, LivePanel, parameter_axes, still_sliders
 
@@ -256,6 +259,51 @@ def test_a_panel_trains_what_its_sliders_say_and_draws_anew_each_time(drawn, mon
     assert one[-1].label == "2-MGVT, just now"
     assert [c.label for c in two] == [c.label for c in one]
     np.testing.assert_array_equal(two[-1].returns, one[-1].returns)
+
+
+@pytest.fixture
+def transferred(monkeypatch) -> list[np.ndarray]:
+    """The sources (R, S, d) of every agent that is built."""
+    sources, real = [], runs_of.VariationalTransfer
+
+    def record(q, given, *rest):
+        sources.append(given.numpy())
+        return real(q, given, *rest)
+
+    monkeypatch.setattr(runs_of, "VariationalTransfer", record)
+    return sources
+
+
+def test_a_panel_trains_with_so_many_sources(drawn, transferred):
+    panel = panel_of()
+    box = part(panel, ui.BoundedIntText, "sources")
+    assert box.value == TINY.sources
+    for count in (2, 1):
+        box.value = count
+        panel.run()
+        panel.wait()
+        assert panel.message == "done at 200"
+    both, first = transferred
+    assert both.shape == (2, 2, WEIGHTS.shape[1])
+    # the run's own sources, one of them left out
+    np.testing.assert_array_equal(first, both[:, :1])
+    chosen = runs_of.chosen_sources(TINY, [0, 1])
+    np.testing.assert_array_equal(both, WEIGHTS[chosen])
+
+
+def test_a_panel_of_algorithms_with_counts_of_their_own_trains_with_all_sources(transferred):
+    panel = panel_of(replace(TINY, counts={"1-MGVT": 1}))
+    panel.run()
+    panel.wait()
+    assert panel.message == "done at 200"
+    assert transferred[0].shape[1] == TINY.sources
+
+
+@pytest.mark.parametrize(("asked", "given"), [(0, 1), (-3, 1), (1, 1), (2, 2), (9, 2)])
+def test_a_panel_has_no_more_sources_than_its_runs(asked, given):
+    box = part(panel_of(), ui.BoundedIntText, "sources")
+    box.value = asked
+    assert box.value == given
 
 
 def test_stop_ends_a_training_at_its_next_evaluation_and_draws_it(drawn, held):

@@ -145,7 +145,7 @@ def test_reproduce_says_what_is_identical(stored, tmp_path):
 
 def test_unknown_experiment():
     with pytest.raises(
-        ValueError, match="unknown experiment 'romos'; known are .*rooms-evaluation"
+        ValueError, match=r"unknown experiment 'romos'; known are .*rooms-evaluation"
     ):
         named("romos")
 

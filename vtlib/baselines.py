@@ -1,8 +1,9 @@
-"""Learning without transfer: mellow TD with epsilon-greedy exploration."""
+"""Learning without transfer: mellow TD and double deep Q-learning, exploring epsilon-greedily."""
 
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 
 import torch
@@ -16,8 +17,8 @@ from vtlib.transfer import td_gradients
 
 
 @dataclass(frozen=True)
-class MellowTDSettings:
-    """Parameters of mellow TD (section 5.1.4); epsilon falls linearly from 1 to epsilon_end.
+class LearnerSettings:
+    """Parameters that both baselines share; epsilon falls linearly from 1 to epsilon_end.
 
     epsilon_steps: iterations over which epsilon falls. alpha: Adam's step size. Raises ValueError
     for a value outside its range.
@@ -25,34 +26,53 @@ class MellowTDSettings:
 
     epsilon_steps: int
     epsilon_end: float = 0.02
-    psi: float = 0.5
-    kappa: float = 100.0
     gamma: float = 0.99
     batch: int = 50
     buffer: int = 50_000
     alpha: float = 1e-3
 
     def __post_init__(self) -> None:
-        check_psi(self.psi)
         if not 0 <= self.epsilon_end <= 1:
             raise ValueError(f"epsilon_end must lie in [0, 1], got {self.epsilon_end}")
         if not 0 <= self.gamma < 1:
             raise ValueError(f"gamma must lie in [0, 1), got {self.gamma}")
-        for name in ("epsilon_steps", "batch", "buffer"):
-            value = getattr(self, name)
-            if not (isinstance(value, int) and value >= 1):
-                raise ValueError(f"{name} must be a whole number of at least 1, got {value}")
-        for name in ("kappa", "alpha"):
-            value = getattr(self, name)
-            if not (math.isfinite(value) and value > 0):
-                raise ValueError(f"{name} must be finite and positive, got {value}")
+        _check_whole(self, "epsilon_steps", "batch", "buffer")
+        _check_positive(self, "alpha")
 
 
-class MellowTD:
-    """Direct minimisation of the squared mellow TD error (eq. 5.4) for R runs in lock-step.
+@dataclass(frozen=True)
+class MellowTDSettings(LearnerSettings):
+    """Parameters of mellow TD (section 5.1.4). Raises ValueError for a value outside its range."""
+
+    psi: float = 0.5
+    kappa: float = 100.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_psi(self.psi)
+        _check_positive(self, "kappa")
+
+
+@dataclass(frozen=True)
+class DDQNSettings(LearnerSettings):
+    """Parameters of DDQN (appendix A.2); the target is copied every target_every iterations.
+
+    Raises ValueError for a value outside its range.
+    """
+
+    target_every: int = 500
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        _check_whole(self, "target_every")
+
+
+class EpsilonGreedyLearner(ABC):
+    """Epsilon-greedy learning from a replay buffer by Adam, for R runs in lock-step.
 
     w: (R, d) initial weights, copied. exploration and replay are the streams of epsilon-greedy
-    actions and of mini-batches. ``mu`` (R, 1, d) are the current weights.
+    actions and of mini-batches. ``mu`` (R, 1, d) are the current weights. Raises ValueError when
+    weights are not finite or of another shape.
     """
 
     def __init__(
@@ -60,7 +80,7 @@ class MellowTD:
         q: QFunction,
         w: Tensor,
         obs_dim: int,
-        settings: MellowTDSettings,
+        settings: LearnerSettings,
         exploration: Stream,
         replay: Stream,
     ) -> None:
@@ -87,9 +107,68 @@ class MellowTD:
 
     def learn(self, transition: Transition) -> None:
         """Store one transition of each run and take one gradient step."""
-        s = self._settings
         self._buffer.add(transition)
         self._steps += 1
-        batch = self._buffer.sample(self._replay.uniform(s.batch))
-        self.mu.grad = td_gradients(self._q, self.mu, batch, s.psi, s.gamma, s.kappa)
+        self.mu.grad = self._gradient(
+            self._buffer.sample(self._replay.uniform(self._settings.batch))
+        )
         self._adam.step()
+
+    @abstractmethod
+    def _gradient(self, batch: Transition) -> Tensor:
+        """Gradient (R, 1, d) of the loss of a mini-batch (R, B)."""
+
+
+class MellowTD(EpsilonGreedyLearner):
+    """Direct minimisation of the squared mellow TD error (eq. 5.4)."""
+
+    _settings: MellowTDSettings
+
+    def _gradient(self, batch: Transition) -> Tensor:
+        s = self._settings
+        return td_gradients(self._q, self.mu, batch, s.psi, s.gamma, s.kappa)
+
+
+class DDQN(EpsilonGreedyLearner):
+    """Double deep Q-learning: the online weights choose the next action, a copy values it.
+
+    The loss is Huber's, quadratic up to an error of 1. Source: van Hasselt, Guez and Silver (2016).
+    """
+
+    _settings: DDQNSettings
+
+    def __init__(self, *arguments, **named) -> None:
+        super().__init__(*arguments, **named)
+        self._target = self.mu.clone()
+
+    def learn(self, transition: Transition) -> None:
+        """Store one transition of each run, take one gradient step, and copy the target in time."""
+        super().learn(transition)
+        if self._steps % self._settings.target_every == 0:
+            self._target = self.mu.detach().clone()
+
+    def _gradient(self, batch: Transition) -> Tensor:
+        q = self._q
+        following = q.prepare(batch.next_obs)
+        best = q.q(self.mu, following).argmax(-2, keepdim=True)
+        value = q.q(self._target, following).gather(-2, best).squeeze(-2)
+        alive = self._settings.gamma * ~batch.terminal.unsqueeze(1)
+        values, pullback = q.vjp(self.mu, q.prepare(batch.obs))
+        action = batch.action[:, None, None]
+        error = batch.reward.unsqueeze(1) + alive * value - values.gather(-2, action).squeeze(-2)
+        slope = error.clamp_(-1, 1).div_(-batch.obs.shape[1]).unsqueeze(-2)
+        return pullback(torch.zeros_like(values).scatter_(-2, action, slope))
+
+
+def _check_whole(settings: object, *names: str) -> None:
+    for name in names:
+        value = getattr(settings, name)
+        if not (isinstance(value, int) and value >= 1):
+            raise ValueError(f"{name} must be a whole number of at least 1, got {value}")
+
+
+def _check_positive(settings: object, *names: str) -> None:
+    for name in names:
+        value = getattr(settings, name)
+        if not (math.isfinite(value) and value > 0):
+            raise ValueError(f"{name} must be finite and positive, got {value}")

@@ -8,10 +8,10 @@ from collections.abc import Callable
 import torch
 
 from vtlib.baselines import MellowTDSettings
+from vtlib.domains import rooms_q
 from vtlib.experiments import ROOMS_EVALUATION
 from vtlib.experiments.runs import prepare
 from vtlib.experiments.work import pool_weights
-from vtlib.sources import rooms_q
 from vtlib.store import results_folder
 
 RUNS = 20

@@ -224,24 +224,30 @@ ABOUT_HALF = 2 / 3  # at most this share of another return is called about half 
 
 def earns_half(first: str, second: str, pairs: Mapping[str, tuple]) -> Claim:
     """At each time {when: (first's (R,), second's (R,))} the first earns about half or less."""
-    ratios = {when: _mean(a) / _mean(b) for when, (a, b) in pairs.items()}
-    numbers = "; ".join(f"{when} {ratio:.0%}" for when, ratio in ratios.items())
+    means = {when: (_mean(a), _mean(b)) for when, (a, b) in pairs.items()}
+    numbers = "; ".join(f"{when} {a:.2f} against {b:.2f}" for when, (a, b) in means.items())
     return Claim(
         f"With two sources {first} earns about half of what {second} does.",
-        verdict([ratio <= ABOUT_HALF for ratio in ratios.values()]),
-        f"{first} as a share of {second}: {numbers}.",
+        verdict([a <= ABOUT_HALF * b for a, b in means.values()]),
+        f"{first} against {second} {numbers}.",
     )
 
 
 def gap_closes(first: str, few: tuple, second: str, many: tuple, when: str) -> Claim:
-    """With many sources no clear difference is left, and a smaller one than with few.
+    """A clear difference with few sources, no clear one with many, and a smaller one.
 
     few and many: returns (R,) of the first and of the second algorithm.
     """
     start, end = difference_interval(*few), difference_interval(*many)
     return Claim(
         f"{first} and {second} meet as sources grow.",
-        verdict([bool(end.low <= 0 <= end.high), bool(abs(end.centre) < abs(start.centre))]),
+        verdict(
+            [
+                not start.low <= 0 <= start.high,
+                bool(end.low <= 0 <= end.high),
+                bool(abs(end.centre) < abs(start.centre)),
+            ]
+        ),
         f"{when} {first} minus {second}: {_interval(start)} with the fewest sources, "
         f"{_interval(end)} with the most.",
     )

@@ -26,6 +26,10 @@ class GreedyReturn:
 
     def __call__(self, mu: Tensor) -> Tensor:
         """Evaluate means mu (R, C, d); with several components Q is averaged over them."""
+        return self.episodes(mu).mean(1)
+
+    def episodes(self, mu: Tensor) -> Tensor:
+        """The return (R, episodes) of each episode by itself."""
         tasks, copies = self._tasks, self._runs * self._episodes
         noise = self._noise.normal(self._episodes * tasks.horizon * tasks.noise_dim)
         noise = noise.reshape(copies, tasks.horizon, tasks.noise_dim)
@@ -40,7 +44,7 @@ class GreedyReturn:
             discount *= tasks.gamma
             if not alive.any():
                 break
-        return total.view(self._runs, self._episodes).mean(1)
+        return total.view(self._runs, self._episodes)
 
     def _greedy(self, mu: Tensor, obs: Tensor) -> Tensor:
         values = self._q.q(mu, self._q.prepare(obs.view(self._runs, self._episodes, -1)))

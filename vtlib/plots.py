@@ -19,6 +19,7 @@ from vtlib.stats import mean_interval
 # Okabe and Ito's palette, told apart with any colour vision.
 COLOURS = {
     "NT": "#6b6b6b",
+    "DDQN": "#332288",
     "GVT": "#0072B2",
     "1-MGVT": "#D55E00",
     "2-MGVT": "#CC79A7",
@@ -26,7 +27,13 @@ COLOURS = {
 }
 OPTIMUM = "#1a1a1a"
 # Line styles tell curves apart in print, and variants of one algorithm from it.
-STYLES = {"NT": (0, (1, 1)), "GVT": (0, (5, 1.5)), "2-MGVT": "-.", "3-MGVT": (0, (6, 1, 1, 1))}
+STYLES = {
+    "NT": (0, (1, 1)),
+    "DDQN": (0, (1, 1)),
+    "GVT": (0, (5, 1.5)),
+    "2-MGVT": "-.",
+    "3-MGVT": (0, (6, 1, 1, 1)),
+}
 STYLE = {
     "figure.facecolor": "white",
     "figure.dpi": 110,

@@ -1,64 +1,66 @@
-"""Source tasks: solved by mellow TD, checked against the planned optimum, trained on if short."""
+"""Source tasks: solved without transfer, checked against the optimum, trained on if short."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 import torch
 
-from vtlib.baselines import MellowTD, MellowTDSettings
-from vtlib.envs.episodes import Episodes
-from vtlib.envs.rooms import Rooms, RoomsFamily
+from vtlib.baselines import DDQN, DDQNSettings, MellowTD, MellowTDSettings
+from vtlib.domains import Family, domain, first_weights, parameters
+from vtlib.envs.episodes import Episodes, Tasks
 from vtlib.evaluation import GreedyReturn
-from vtlib.planning import optimal_return
-from vtlib.qfunctions import RBFLinear
 from vtlib.streams import Stream, generator
 from vtlib.training import FINGERPRINTS, check_finite, fingerprint
 
 
 @dataclass(frozen=True)
 class Pool:
-    """A pool of solved source tasks of the rooms problem (appendix A.1).
+    """A pool of solved source tasks.
 
-    Source episodes start anywhere in the square: from the corner alone, chance rarely finds the
-    goal. A source is kept at the first check, from ``iterations`` on, at which its greedy policy
-    earns ``required`` of the planned optimum from the corner, over ``episodes`` episodes; the
-    others are trained on, up to ``limit`` iterations.
+    A source is kept at the first check, from ``iterations`` on, at which its greedy policy passes:
+    over ``episodes`` episodes it reaches the ``required`` share, by its domain's measure. The
+    others are trained on, up to ``limit`` iterations. Rooms sources start their episodes anywhere
+    in the square: from the corner alone, chance rarely finds the goal.
     """
 
     name: str
-    family: RoomsFamily
+    family: Family
     count: int = 50
     iterations: int = 20_000
     limit: int = 150_000
     check_every: int = 1_000
     episodes: int = 200
     required: float = 0.9
-    settings: MellowTDSettings = field(
+    settings: MellowTDSettings | DDQNSettings = field(
         default_factory=lambda: MellowTDSettings(epsilon_steps=14_000)
     )
 
 
-def rooms_q() -> RBFLinear:
-    """The rooms' Q-function: 121 normalised radial bases for each of 4 actions, 484 weights."""
-    return RBFLinear(torch.arange(11.0), 1 / 9, Rooms.n_actions)
+@dataclass(frozen=True)
+class NetworkPool(Pool):
+    """A pool of networks; ``common`` starts them all from the same weights.
+
+    Only then do hidden units stay comparable between sources, so that weights can be averaged.
+    """
+
+    common: bool = True
 
 
-def pool_tasks(pool: Pool, sources: Sequence[int]) -> Rooms:
+def pool_tasks(pool: Pool, sources: Sequence[int]) -> Tasks:
     """The tasks of some sources of a pool, each drawn from a generator of its own."""
     return draw_tasks(pool.family, pool.name, sources)
 
 
-def draw_tasks(family: RoomsFamily, experiment: str, runs: Sequence[int]) -> Rooms:
+def draw_tasks(family: Family, experiment: str, runs: Sequence[int]) -> Tasks:
     """One task for each run, whatever the other runs are."""
-    drawn = [family.sample(generator(experiment, run, "task"), 1) for run in runs]
-    return replace(drawn[0], doors=torch.cat([task.doors for task in drawn]))
+    return family.join([family.sample(generator(experiment, run, "task"), 1) for run in runs])
 
 
 class SourceTraining:
-    """Mellow TD on some sources of a pool, from zero weights and uniform starts."""
+    """Learning of some sources of a pool, in lock-step."""
 
     def __init__(self, pool: Pool, sources: Sequence[int]) -> None:
         def stream(role: str) -> Stream:
@@ -66,16 +68,14 @@ class SourceTraining:
 
         self.names = [f"source {i} of {pool.name}" for i in sources]
         self.tasks = pool_tasks(pool, sources)
-        q = rooms_q()
-        self.agent = MellowTD(
-            q,
-            torch.zeros(len(sources), q.d),
-            Rooms.obs_dim,
-            pool.settings,
-            stream("exploration"),
-            stream("replay"),
-        )
-        learning = replace(self.tasks, uniform_start=True)
+        mine = domain(pool.family)
+        q = mine.q()
+        common = isinstance(pool, NetworkPool) and pool.common
+        start = first_weights(pool.family, pool.name, [0] * len(sources) if common else sources)
+        learner = DDQN if isinstance(pool.settings, DDQNSettings) else MellowTD
+        streams = stream("exploration"), stream("replay")
+        self.agent = learner(q, start, self.tasks.obs_dim, pool.settings, *streams)
+        learning = mine.for_sources(self.tasks)
         self.episodes = Episodes(learning, stream("noise"), stream("start"))
         self.greedy_return = GreedyReturn(
             q, self.tasks, stream("test noise"), stream("test start"), pool.episodes
@@ -98,31 +98,34 @@ def solve(
 ) -> dict[str, np.ndarray]:
     """Train and check some sources of a pool until each is solved or the limit is reached.
 
-    Returns arrays over the sources: index, doors, weights (S, d), iterations trained, greedy
-    (return of the kept weights), optimum, solved and fingerprints.
+    Returns arrays over the sources: index, the tasks' parameters, weights (S, d), iterations
+    trained, greedy (return of the kept weights), optimum, solved and fingerprints.
     """
     training = SourceTraining(pool, sources)
-    optimum = optimal_return(training.tasks)
+    mine = domain(pool.family)
+    optimum = mine.optimum(training.tasks)
     weights = torch.zeros_like(training.agent.mu[:, 0])
-    greedy = torch.full_like(optimum, -1.0)
+    greedy = torch.full_like(optimum, -torch.inf)
     trained = torch.zeros(len(sources), dtype=torch.int64)
     solved = torch.zeros(len(sources), dtype=torch.bool)
     training.advance(pool.iterations)
     while True:
-        earned = training.greedy_return(training.agent.mu)
+        returns = training.greedy_return.episodes(training.agent.mu)
+        earned = returns.mean(1)
+        passed = mine.passes(returns, optimum, pool.required)
         # an unsolved source keeps the best weights that any check has seen
-        better = ~solved & (earned > greedy)
+        better = ~solved & (passed | (earned > greedy))
         weights[better] = training.agent.mu.detach()[better, 0]
         greedy[better] = earned[better]
         trained[better] = training.steps
-        solved |= greedy >= pool.required * optimum
+        solved |= passed
         progress(training.steps)
         if solved.all() or training.steps >= pool.limit:
             break
         training.advance(pool.check_every)
     return {
         "index": np.array(sources),
-        "doors": training.tasks.doors.numpy(),
+        **parameters(pool.family, training.tasks),
         "weights": weights.numpy(),
         "iterations": trained.numpy(),
         "greedy": greedy.numpy(),

@@ -28,6 +28,7 @@ from vtlib.streams import Stream
 
 CLIP = 1000.0  # elementwise bound on every gradient
 PRIOR_JITTER = 1e-4  # added to the covariance of the Gaussian prior, so that it has an inverse
+CACHED = 1 << 20  # floats that may be in work at a time
 SPAN_JITTER = 1e-8  # the same for a posterior that starts within the span of the sources
 
 
@@ -185,6 +186,21 @@ def td_gradients(
     q: QFunction, weights: Tensor, batch: Transition, psi: float, gamma: float, kappa: float
 ) -> Tensor:
     """Gradients (R, K, d) of the mean squared TD error at weights (R, K, d), eq. 5.4."""
+    runs, k, _ = weights.shape
+    chunk = max(1, CACHED // (k * 2 * batch.obs.shape[1] * q.width))
+    if chunk >= runs:
+        return _td_gradients(q, weights, batch, psi, gamma, kappa)
+    # some runs at a time: what networks pass on for all of them would not fit into the cache
+    parts = []
+    for at in range(0, runs, chunk):
+        few = Transition(*(x[at : at + chunk] for x in batch))
+        parts.append(_td_gradients(q, weights[at : at + chunk], few, psi, gamma, kappa))
+    return torch.cat(parts)
+
+
+def _td_gradients(
+    q: QFunction, weights: Tensor, batch: Transition, psi: float, gamma: float, kappa: float
+) -> Tensor:
     size = batch.obs.shape[1]
     x = q.prepare(torch.cat([batch.obs, batch.next_obs], 1))
     values, pullback = q.vjp(weights, x)

@@ -48,7 +48,7 @@ def cells_visited(visited: np.ndarray) -> np.ndarray:
 def effective_cells(visited: np.ndarray) -> np.ndarray:
     """Exponential (R,) of the entropy of the visits over the lower room's unit cells.
 
-    As many cells, visited equally often, would have the same entropy.
+    As many cells, visited equally often, would have the same entropy. Without a visit it is 1.
     """
     counts = cell_counts(visited).reshape(len(visited), -1)
     share = counts / np.maximum(counts.sum(1, keepdims=True), 1)

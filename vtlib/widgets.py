@@ -9,7 +9,8 @@ from dataclasses import dataclass, replace
 import ipywidgets as ui
 import numpy as np
 
-from vtlib.experiments.rooms import COMPONENTS, LAMBDAS, MGVT, PSIS, Experiment
+from vtlib.experiments.experiment import COMPONENTS, LAMBDAS, PSIS, Experiment
+from vtlib.experiments.rooms import MGVT
 from vtlib.experiments.runs import run_batch
 from vtlib.plots import Curve, image_html, learning_figure, look, power_of_ten, small_png
 

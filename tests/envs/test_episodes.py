@@ -8,7 +8,8 @@ import pytest
 import torch
 from torch import Tensor
 
-from vtlib.envs.episodes import Episodes, GymEpisodes, Returns
+from vtlib.envs.episodes import Episodes, GymEpisodes, RecordedEpisodes, Returns
+from vtlib.envs.rooms import Rooms
 from vtlib.streams import Stream
 
 
@@ -148,6 +149,52 @@ def test_learning_return_against_a_plain_list():
                 rewards[r] = []
         expected = [sum(x[-window:]) / max(1, len(x[-window:])) for x in lists]
         assert returns.mean().tolist() == pytest.approx(expected, abs=1e-5)
+
+
+# --- episodes that keep where they went --------------------------------------------------------
+
+
+def rooms_episodes(kind: type[Episodes]) -> Episodes:
+    tasks = Rooms.from_doors([[5.0], [2.0], [8.0]], uniform_start=True)
+    return kind(tasks, Stream("t", range(3), "n"), Stream("t", range(3), "s"), window=4)
+
+
+def test_keeping_visits_changes_no_transition():
+    plain, kept = rooms_episodes(Episodes), rooms_episodes(RecordedEpisodes)
+    # up and right twice as often as back: the goal is reached, so that returns differ
+    moves = torch.tensor([0, 0, 1, 1, 2, 3])
+    picks = torch.randint(6, (600, 3), generator=torch.Generator().manual_seed(0))
+    for action in moves[picks]:
+        ours, theirs = kept.step(action), plain.step(action)
+        assert all(map(torch.equal, ours, theirs))
+        assert torch.equal(kept.obs, plain.obs)
+        assert torch.equal(kept.fresh, plain.fresh)
+    assert torch.equal(kept.returns.mean(), plain.returns.mean())
+    assert plain.returns.mean().any()
+
+
+def test_visits_are_the_states_arrived_at_in_order():
+    kept = rooms_episodes(RecordedEpisodes)
+    actions = torch.randint(4, (120, 3), generator=torch.Generator().manual_seed(1))
+    # copied at once: what is kept must not change as episodes go on
+    arrived = [kept.step(action).next_obs.clone() for action in actions]
+    assert kept.visited.shape == (3, 120, 2)
+    for t, positions in enumerate(arrived):
+        assert torch.equal(kept.visited[:, t], positions)
+    before = kept.visited
+    kept.step(still(3))
+    assert kept.visited.shape == (3, 121, 2)
+    assert torch.equal(kept.visited[:, :120], before)
+
+
+def test_visits_hold_the_end_of_an_episode_and_not_the_next_start():
+    kept = RecordedEpisodes(
+        Counters([2, NEVER]), Stream("t", [0, 1], "n"), Stream("t", [0, 1], "s")
+    )
+    for _ in range(6):
+        kept.step(still(2))
+    # run 0 ends at its second step, run 1 at the horizon of five; a start would be a zero
+    assert (kept.visited[..., 1] / 10).tolist() == [[1, 2, 1, 2, 1, 2], [1, 2, 3, 4, 5, 1]]
 
 
 # --- ordinary Gymnasium environments -----------------------------------------------------------

@@ -303,3 +303,21 @@ def test_bad_families(arguments: dict[str, object], message: str) -> None:
 def test_a_family_draws_at_least_one_task() -> None:
     with pytest.raises(ValueError, match="count must be at least 1, got 0"):
         RoomsFamily().sample(np.random.default_rng(0), 0)
+
+
+def test_join_appends_batches_in_order() -> None:
+    parts = [Rooms.from_doors(doors, True) for doors in ([[1.0, 2.0]], [[3.0, 4.0], [5.0, 6.0]])]
+    joined = RoomsFamily().join(parts)
+    assert joined.doors.tolist() == [[1.0, 2.0], [3.0, 4.0], [5.0, 6.0]]
+    assert torch.equal(joined.walls, parts[0].walls)
+    assert joined.uniform_start
+
+
+def test_join_refuses_tasks_of_different_kinds() -> None:
+    three, two = Rooms.from_doors([[1.0, 2.0]]), Rooms.from_doors([[1.0]])
+    with pytest.raises(ValueError, match="at least one batch"):
+        RoomsFamily().join([])
+    with pytest.raises(ValueError, match="must have the same walls, got"):
+        RoomsFamily().join([three, two])
+    with pytest.raises(ValueError, match="must start alike"):
+        RoomsFamily().join([three, replace(three, uniform_start=True)])

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -35,10 +37,18 @@ def draw_rooms(
 
 def frame(tasks: Rooms, index: int, position: np.ndarray) -> np.ndarray:
     """One picture (400, 400, 3) uint8 of task `index` with the agent at `position` (2,)."""
-    figure = Figure(figsize=(4, 4), dpi=100)
+
+    def draw(ax: Axes) -> None:
+        draw_rooms(ax, tasks, index)
+        ax.plot(*position, "o", color="tab:red", markersize=9, clip_on=False)
+
+    return picture(draw, (4, 4))
+
+
+def picture(draw: Callable[[Axes], None], size: tuple[float, float]) -> np.ndarray:
+    """What `draw` puts on axes, (height, width, 3) uint8; `size` is in 100 pixels, width first."""
+    figure = Figure(figsize=size, dpi=100)
     canvas = FigureCanvasAgg(figure)
-    ax = figure.add_axes((0.05, 0.05, 0.9, 0.9))
-    draw_rooms(ax, tasks, index)
-    ax.plot(*position, "o", color="tab:red", markersize=9, clip_on=False)
+    draw(figure.add_axes((0.05, 0.05, 0.9, 0.9)))
     canvas.draw()
     return np.asarray(canvas.buffer_rgba())[..., :3].copy()

@@ -192,3 +192,21 @@ class RoomsFamily:
         if self.fixed_lower is not None:
             doors[:, 0] = self.fixed_lower
         return Rooms.from_doors(doors)
+
+    def join(self, tasks: Sequence[Rooms]) -> Rooms:
+        """All tasks of several batches, in their order.
+
+        Raises ValueError when there is none, or when their walls or starts differ.
+        """
+        if not tasks:
+            raise ValueError("there must be at least one batch of tasks to join")
+        first = tasks[0]
+        for other in tasks:
+            if not torch.equal(other.walls, first.walls):
+                raise ValueError(
+                    f"joined tasks must have the same walls, got {first.walls.tolist()} "
+                    f"and {other.walls.tolist()}"
+                )
+            if other.uniform_start != first.uniform_start:
+                raise ValueError("joined tasks must start alike, got both kinds of start")
+        return replace(first, doors=torch.cat([task.doors for task in tasks]))

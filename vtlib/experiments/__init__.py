@@ -1,17 +1,16 @@
 """The book's experiments: a frozen configuration per figure; what runs, stores, verifies."""
 
+from vtlib.experiments.experiment import Experiment
 from vtlib.experiments.rooms import (
-    EXPERIMENTS,
-    POOLS,
     ROOMS_CHANGE,
     ROOMS_CHANGE_SLIDERS,
     ROOMS_EVALUATION,
     ROOMS_EXPLORATION,
     ROOMS_LIKELIHOOD,
     ROOMS_LIKELIHOOD_SLIDERS,
+    ROOMS_LIKELIHOOD_STARTS,
     ROOMS_SLIDERS,
     ROOMS_SOURCES,
-    Experiment,
 )
 
 __all__ = [
@@ -23,11 +22,28 @@ __all__ = [
     "ROOMS_EXPLORATION",
     "ROOMS_LIKELIHOOD",
     "ROOMS_LIKELIHOOD_SLIDERS",
+    "ROOMS_LIKELIHOOD_STARTS",
     "ROOMS_SLIDERS",
     "ROOMS_SOURCES",
     "Experiment",
     "named",
 ]
+
+EXPERIMENTS = {
+    e.name: e
+    for e in (
+        ROOMS_EVALUATION,
+        ROOMS_SLIDERS,
+        ROOMS_CHANGE,
+        ROOMS_CHANGE_SLIDERS,
+        ROOMS_EXPLORATION,
+        ROOMS_LIKELIHOOD,
+        ROOMS_LIKELIHOOD_SLIDERS,
+        ROOMS_LIKELIHOOD_STARTS,
+        ROOMS_SOURCES,
+    )
+}
+POOLS = {e.pool.name: e.pool for e in EXPERIMENTS.values()}
 
 
 def named(name: str) -> Experiment:

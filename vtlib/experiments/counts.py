@@ -8,8 +8,9 @@ from types import MappingProxyType
 import numpy as np
 from matplotlib.figure import Figure
 
+from vtlib.experiments.experiment import Experiment
 from vtlib.experiments.reading import optimum, returns
-from vtlib.experiments.rooms import SOURCE_COUNTS, Experiment, count_name
+from vtlib.experiments.rooms import SOURCE_COUNTS, count_name
 from vtlib.plots import COLOURS, OPTIMUM, STYLES, BookFigure, look
 from vtlib.stats import mean_interval
 

@@ -11,19 +11,19 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm, Normalize
 from matplotlib.figure import Figure
 
+from vtlib.domains import rooms_q
 from vtlib.envs.draw import draw_rooms
 from vtlib.envs.episodes import RecordedEpisodes
 from vtlib.envs.rooms import SIDE, Rooms
-from vtlib.experiments.rooms import Experiment
+from vtlib.experiments.experiment import Experiment
 from vtlib.experiments.runs import prepare, targets
 from vtlib.experiments.work import load_result
 from vtlib.plots import COLOURS, BookFigure, image_html, look, small_png
-from vtlib.sources import rooms_q
 from vtlib.store import results_folder
 from vtlib.streams import generator
 
 NODES = 41  # of the grid on which a posterior is drawn, across and up
-SAMPLES = 64
+SAMPLES = 60  # a multiple of every number of components
 
 
 def visited(name: str, label: str) -> np.ndarray:
@@ -93,10 +93,11 @@ def snapshots(
 ) -> list[Snapshot]:
     """Compute one run anew and look at its posterior at some iterations, 0 the start.
 
-    The experiment must keep its visits.
+    Raises ValueError unless the experiment keeps its visits.
     """
     batch = prepare(experiment, label, experiment.algorithms[label], [run], pool)
-    assert isinstance(batch.episodes, RecordedEpisodes)
+    if not isinstance(batch.episodes, RecordedEpisodes):
+        raise ValueError(f"{experiment.name} does not keep its visits")
     noise = generator(experiment.stream, run, "snapshots").standard_normal(
         (SAMPLES, rooms_q().d), np.float32
     )

@@ -11,8 +11,9 @@ from matplotlib.figure import Figure
 from vtlib.claims import Returns
 from vtlib.envs.draw import draw_rooms
 from vtlib.envs.rooms import Rooms
+from vtlib.experiments.experiment import Experiment, slider_name
 from vtlib.experiments.reading import optimum, returns
-from vtlib.experiments.rooms import FIXED_LOWER, MGVT, Experiment, slider_name
+from vtlib.experiments.rooms import FIXED_LOWER, MGVT
 from vtlib.experiments.work import load_result
 from vtlib.planning import plan
 from vtlib.plots import (

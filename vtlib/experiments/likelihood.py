@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from vtlib.claims import Returns
+from vtlib.experiments.experiment import Experiment, slider_name
 from vtlib.experiments.figures import setting_title, setting_words
 from vtlib.experiments.reading import returns
-from vtlib.experiments.rooms import LIKELIHOOD_DOORS, Experiment, slider_name
+from vtlib.experiments.rooms import LIKELIHOOD_DOORS
 from vtlib.experiments.work import load_result
 from vtlib.plots import (
     COLOURS,
@@ -63,12 +64,37 @@ def likelihood_figure(
     return figure
 
 
-def draw_tasks(ax: Axes, label: str, likelihood: np.ndarray, shares: np.ndarray) -> None:
+def starts_figure(
+    experiment: Experiment, others: Experiment, starts: Mapping[str, str], iteration: int
+) -> Figure:
+    """Task by task at an iteration: algorithms as above, and dashed from their other start."""
+    with look():
+        figure = BookFigure(figsize=(7.6, 3.4))
+        axes = figure.subplots(1, len(starts), sharey=True)
+        for ax, (label, other) in zip(axes, starts.items(), strict=True):
+            for source, stored, style in (
+                (experiment, label, "-"),
+                (others, f"{label}-{other}", (0, (2, 1))),
+            ):
+                shares = share_by_task(source, stored, iteration)
+                draw_tasks(ax, label, task_likelihood(source), shares, style)
+            ax.set_title(f"{label}, dashed from the {other}")
+        _finish(figure, axes)
+    return figure
+
+
+def draw_tasks(
+    ax: Axes,
+    label: str,
+    likelihood: np.ndarray,
+    shares: np.ndarray,
+    style: str | tuple | None = None,
+) -> None:
     """One point per task at its likelihood (tasks,), with the interval over its runs (axis 1)."""
     order = np.argsort(likelihood)
     band = mean_interval(shares[order].T)
     error = np.stack([band.centre - band.low, band.high - band.centre])
-    look_of = {"color": COLOURS[label], "ls": STYLES.get(label, "-"), "label": label}
+    look_of = {"color": COLOURS[label], "ls": style or STYLES.get(label, "-"), "label": label}
     ax.errorbar(likelihood[order], band.centre, error, lw=1.2, marker="o", ms=3.5, **look_of)
 
 
@@ -77,8 +103,11 @@ def _finish(figure: Figure, axes: Sequence[Axes]) -> None:
         ax.axhline(1.0, color=OPTIMUM, ls="--", lw=1.1, label="planned optimum")
         ax.set(xlabel="density of the task's door", ylim=(-0.03, 1.08))
     axes[0].set_ylabel("learning return over optimum")
-    handles, labels = axes[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=4)
+    handles: dict[str, object] = {}
+    for ax in axes:
+        for handle, label in zip(*ax.get_legend_handles_labels(), strict=True):
+            handles.setdefault(label, handle)
+    figure.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=4)
 
 
 def slider_picture(

@@ -8,8 +8,8 @@ from html import escape
 import numpy as np
 
 from vtlib.experiments import named
+from vtlib.experiments.experiment import Algorithm, Experiment
 from vtlib.experiments.reading import provenance, returns
-from vtlib.experiments.rooms import Algorithm, Experiment
 from vtlib.stats import Interval, bootstrap_interval, improvement_interval, mean_interval
 from vtlib.streams import generator
 

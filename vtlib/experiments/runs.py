@@ -8,13 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 
-from vtlib.baselines import MellowTD, MellowTDSettings
-from vtlib.envs.episodes import Episodes, RecordedEpisodes
-from vtlib.envs.rooms import Rooms
+from vtlib.baselines import DDQN, DDQNSettings, MellowTD, MellowTDSettings
+from vtlib.domains import domain, first_weights, parameters
+from vtlib.envs.episodes import Episodes, RecordedEpisodes, Tasks
 from vtlib.evaluation import GreedyReturn
-from vtlib.experiments.rooms import Algorithm, Experiment
-from vtlib.planning import optimal_return
-from vtlib.sources import draw_tasks, rooms_q
+from vtlib.experiments.experiment import Algorithm, Experiment
+from vtlib.sources import draw_tasks
 from vtlib.streams import Stream, generator
 from vtlib.training import FINGERPRINTS, Agent, train
 from vtlib.transfer import VariationalTransfer
@@ -32,7 +31,7 @@ class Batch:
     names: list[str]
 
 
-def targets(experiment: Experiment, runs: Sequence[int]) -> Rooms:
+def targets(experiment: Experiment, runs: Sequence[int]) -> Tasks:
     """The target task of each run."""
     numbers = [experiment.task_of(run) for run in runs]
     return draw_tasks(experiment.family, experiment.stream, numbers)
@@ -57,24 +56,24 @@ def prepare(
 
     label names the algorithm in errors.
     """
-    q, tasks = rooms_q(), targets(experiment, runs)
+    q, tasks = domain(experiment.family).q(), targets(experiment, runs)
 
     def stream(role: str) -> Stream:
         return Stream(experiment.stream, runs, role)
 
     agent: Agent
-    if isinstance(algorithm, MellowTDSettings):
-        start = torch.zeros(len(runs), q.d)
-        agent = MellowTD(
-            q, start, Rooms.obs_dim, algorithm, stream("exploration"), stream("replay")
-        )
+    if isinstance(algorithm, MellowTDSettings | DDQNSettings):
+        learner = DDQN if isinstance(algorithm, DDQNSettings) else MellowTD
+        start = first_weights(experiment.family, experiment.stream, runs)
+        streams = stream("exploration"), stream("replay")
+        agent = learner(q, start, tasks.obs_dim, algorithm, *streams)
     else:
         chosen = chosen_sources(experiment, runs)[:, : experiment.sources_of(label)]
         sources = torch.from_numpy(pool[chosen])
         agent = VariationalTransfer(
             q,
             sources,
-            Rooms.obs_dim,
+            tasks.obs_dim,
             algorithm,
             stream("posterior"),
             stream("component"),
@@ -131,8 +130,9 @@ def task_table(experiment: Experiment) -> dict[str, np.ndarray]:
     """Targets, chosen sources and planned optimum of all runs."""
     runs = range(experiment.runs)
     firsts = targets(experiment, runs[:: experiment.runs_per_task])
+    optimum = domain(experiment.family).optimum(firsts).numpy()
     return {
-        "doors": targets(experiment, runs).doors.numpy(),
+        **parameters(experiment.family, targets(experiment, runs)),
         "sources": chosen_sources(experiment, runs),
-        "optimum": optimal_return(firsts).numpy().repeat(experiment.runs_per_task),
+        "optimum": optimum.repeat(experiment.runs_per_task),
     }

@@ -42,10 +42,11 @@ def _task_mismatches(owner: str, arrays: store.Arrays) -> list[int]:
     experiment = named(owner)
     runs = range(experiment.runs)
     computed = runs_of.task_table(experiment)
-    same = np.isclose(arrays["optimum"], computed["optimum"], RELATIVE, ABSOLUTE)
-    same &= np.isclose(arrays["doors"], computed["doors"]).all(1)
-    same &= (arrays["sources"] == computed["sources"]).all(1)
-    return [run for run in runs if not same[run]]
+    alike = [
+        np.isclose(arrays[key], computed[key], RELATIVE, ABSOLUTE).reshape(len(runs), -1).all(1)
+        for key in computed
+    ]
+    return [run for run in runs if not all(same[run] for same in alike)]
 
 
 def results_of(name: str) -> list[tuple[str, str]]:

@@ -26,7 +26,7 @@ from tqdm import tqdm
 from vtlib import __version__, store
 from vtlib.experiments import POOLS, named
 from vtlib.experiments import runs as runs_of
-from vtlib.experiments.rooms import Experiment
+from vtlib.experiments.experiment import Experiment
 from vtlib.sources import Pool, solve
 
 BATCH = 10  # runs that advance together; fixed, so that results never depend on the processes
