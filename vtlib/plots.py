@@ -29,7 +29,7 @@ OPTIMUM = "#1a1a1a"
 # Line styles tell curves apart in print, and variants of one algorithm from it.
 STYLES = {
     "NT": (0, (1, 1)),
-    "DDQN": (0, (1, 1)),
+    "DDQN": (0, (3, 1, 1, 1, 1, 1)),
     "GVT": (0, (5, 1.5)),
     "2-MGVT": "-.",
     "3-MGVT": (0, (6, 1, 1, 1)),

@@ -35,12 +35,7 @@ EXPERIMENTS = {
         ROOMS_EVALUATION,
         ROOMS_SLIDERS,
         ROOMS_CHANGE,
-        ROOMS_CHANGE_SLIDERS,
         ROOMS_EXPLORATION,
-        ROOMS_LIKELIHOOD,
-        ROOMS_LIKELIHOOD_SLIDERS,
-        ROOMS_LIKELIHOOD_STARTS,
-        ROOMS_SOURCES,
     )
 }
 POOLS = {e.pool.name: e.pool for e in EXPERIMENTS.values()}
