@@ -206,12 +206,15 @@ VISIBLE = "[...document.querySelectorAll('.widget-subarea img')].filter(i => i.o
 
 
 @pytest.mark.usefixtures("vendored")
-def test_each_slider_of_the_rooms_page_shows_the_picture_of_its_setting(
-    book: Path, address: str, page
+@pytest.mark.parametrize(
+    "name", ["rooms_evaluation", "rooms_distribution_change", "rooms_likelihood"]
+)
+def test_each_slider_shows_the_picture_of_its_setting(
+    book: Path, address: str, page, name: str
 ) -> None:
     values = [[f"lambda = {x:.0e}," for x in LAMBDAS], [f"psi = {x:g}," for x in PSIS]]
     values.append([f" {c} component" for c in COMPONENTS])
-    for _ in open_everywhere(page, book, address, "book/rooms_evaluation.html"):
+    for _ in open_everywhere(page, book, address, f"book/{name}.html"):
         page.wait_for_selector(".widget-slider .noUi-handle[aria-label]", state="attached")
         handles = page.locator(".widget-slider .noUi-handle").all()
         assert len(handles) == len(values)
@@ -225,6 +228,20 @@ def test_each_slider_of_the_rooms_page_shows_the_picture_of_its_setting(
                     page.keyboard.press("ArrowRight")
                 current[axis] = text
                 assert_shown(page, current)
+
+
+@pytest.mark.usefixtures("vendored")
+def test_the_slider_over_iterations_shows_each_moment(book: Path, address: str, page) -> None:
+    for _ in open_everywhere(page, book, address, "book/rooms_exploration.html"):
+        handle = page.locator(".widget-slider .noUi-handle[aria-label]")
+        handle.wait_for(state="attached")
+        handle.focus()
+        page.keyboard.press("Home")
+        for iteration in (0, 50, 100):
+            assert_shown(page, [f"after {iteration} iterations"])
+            page.keyboard.press("ArrowRight")
+        page.keyboard.press("End")
+        assert_shown(page, ["after 2000 iterations"])
 
 
 def assert_shown(page, setting: list[str]) -> None:

@@ -23,12 +23,17 @@ from vtlib.claims import (
     falls_with,
     gap_closes,
     gathers_at_door,
+    learns_faster,
+    little_jump_start,
+    moves_early,
     never_arrives,
     no_better,
+    not_by,
     only_beginning,
     optimal_by,
     optimal_for_all,
     solves_most,
+    starts_near_optimum,
     table,
     verdict,
     worse_and_wider,
@@ -427,6 +432,53 @@ def test_gap_closes(few, many, spread, expected):
     assert claim.evidence == (
         f"At 1,950 GVT minus 1-MGVT: {start} with the fewest sources, {end} with the most."
     )
+
+
+def over_time(learning: Sequence[float], greedy: Sequence[float], optimum: float = 60.0) -> Returns:
+    """Eight runs with these mean returns at 500, 1,000, ... iterations."""
+    at = 500 * np.arange(1, len(learning) + 1)
+    spread = 0.01 * WAVE[:, None]
+    curves = (np.asarray(values) + spread for values in (learning, greedy))
+    return Returns(at, *curves, np.full(len(WAVE), optimum))
+
+
+@pytest.mark.parametrize(
+    ("learning", "greedy", "expected"),
+    [(55.0, 58.0, REPRODUCED), (50.0, 58.0, PARTLY), (55.0, 50.0, PARTLY), (20.0, 20.0, NOT)],
+)
+def test_starts_near_optimum(learning, greedy, expected):
+    claim = starts_near_optimum("GVT", over_time([learning, 60], [greedy, 60]))
+    assert claim.verdict == expected
+    assert f"at 500 iterations: {greedy / 60:.0%}" in claim.evidence
+    assert f"at 500: {learning / 60:.0%}" in claim.evidence
+
+
+@pytest.mark.parametrize(("learning", "expected"), [(53.0, REPRODUCED), (55.0, NOT)])
+def test_not_by(learning, expected):
+    assert not_by("DDQN", over_time([10, learning], [0, 0]), 1_000).verdict == expected
+
+
+@pytest.mark.parametrize(
+    ("greedy", "expected"), [([10, 30, 50, 52, 50], REPRODUCED), ([10, 30, 50, 30, 50], NOT)]
+)
+def test_moves_early(greedy, expected):
+    claim = moves_early("GVT", over_time([0] * 5, greedy), 1_500)
+    assert claim.verdict == expected
+    assert "20.00 until 1,500" in claim.evidence
+
+
+@pytest.mark.parametrize(("gain", "expected"), [(1.0, REPRODUCED), (0.0, NOT), (-1.0, NOT)])
+def test_learns_faster(gain, expected):
+    a, b = over_time([20 + gain, 30, 0], [0] * 3), over_time([20, 30, 60], [0] * 3)
+    claim = learns_faster("1-MGVT", a, "DDQN", b, 1_000)
+    assert claim.verdict == expected
+    assert f"first 1,000 iterations: {gain / 2:.3f}" in claim.evidence
+
+
+@pytest.mark.parametrize(("start", "expected"), [(-75.0, REPRODUCED), (-73.0, NOT)])
+def test_little_jump_start(start, expected):
+    a, b = (over_time([x, -50], [0] * 2, -50.0) for x in (start, -79.0))
+    assert little_jump_start("1-MGVT", a, "DDQN", b).verdict == expected
 
 
 # Claims on stored runs as they are, and with what they are about exchanged.

@@ -253,6 +253,66 @@ def gap_closes(first: str, few: tuple, second: str, many: tuple, when: str) -> C
     )
 
 
+EARLY = 500  # iterations within which a start shows
+
+
+def starts_near_optimum(name: str, runs: Returns) -> Claim:
+    """From the start the mean returns are at least 90% of the optimum."""
+    greedy = _mean(runs.greedy[:, 0]) / _mean(runs.optimum)
+    learning = _mean(runs.at(EARLY)) / _mean(runs.optimum)
+    return Claim(
+        f"{name} starts near the optimum.",
+        verdict([greedy >= SOLVED, learning >= SOLVED]),
+        f"Greedy return at {runs.iterations[0]:,} iterations: {greedy:.0%} of the optimum; "
+        f"learning return at {EARLY:,}: {learning:.0%}.",
+    )
+
+
+def not_by(name: str, runs: Returns, iteration: int) -> Claim:
+    """The mean learning return is far from optimal (below 90%) at an iteration."""
+    share = _mean(runs.at(iteration)) / _mean(runs.optimum)
+    return Claim(
+        f"{name} has not converged by {iteration:,} iterations.",
+        verdict([share < SOLVED]),
+        f"Learning return at {iteration:,}: {share:.0%} of the optimum.",
+    )
+
+
+def moves_early(name: str, runs: Returns, until: int) -> Claim:
+    """The mean greedy curve changes at least twice as fast until an iteration as afterwards."""
+    steps = np.abs(np.diff(runs.greedy.mean(0)))
+    early = runs.iterations[1:] <= until
+    first, later = _mean(steps[early]), _mean(steps[~early])
+    every = runs.iterations[1] - runs.iterations[0]
+    return Claim(
+        f"The greedy curve of {name} moves mostly within the first {until:,} iterations.",
+        verdict([first >= 2 * later]),
+        f"Mean change per {every} iterations: {first:.2f} until {until:,}, {later:.2f} afterwards.",
+    )
+
+
+def learns_faster(first: str, a: Returns, second: str, b: Returns, until: int) -> Claim:
+    """Averaged until an iteration, the learning return is clearly higher, paired by run."""
+    early = a.iterations <= until
+    gain = difference_interval(a.learning[:, early].mean(1), b.learning[:, early].mean(1))
+    return Claim(
+        f"{first} converges faster than {second}.",
+        verdict([bool(gain.low > 0)]),
+        f"{first} minus {second}, averaged over the first {until:,} iterations: {_interval(gain)}.",
+    )
+
+
+def little_jump_start(first: str, a: Returns, second: str, b: Returns) -> Claim:
+    """Early on, one algorithm leads by less than 10% of the optimum's size."""
+    lead = _mean(a.at(EARLY)) - _mean(b.at(EARLY))
+    size = abs(_mean(a.optimum))
+    return Claim(
+        f"{first} has no great jump-start over {second}.",
+        verdict([lead < (1 - SOLVED) * size]),
+        f"{first} minus {second} at {EARLY:,} iterations: {lead:.2f}; optimum of size {size:.1f}.",
+    )
+
+
 def table(claims: Sequence[Claim]) -> str:
     """The claims as an HTML table with their verdicts and numbers."""
     rows = "".join(

@@ -26,6 +26,7 @@ COLOURS = {
     "3-MGVT": "#009E73",
 }
 OPTIMUM = "#1a1a1a"
+ROOMS_LIMITS = (-0.02, 0.9)  # of the axis of returns
 # Line styles tell curves apart in print, and variants of one algorithm from it.
 STYLES = {
     "NT": (0, (1, 1)),
@@ -97,7 +98,10 @@ def draw_curves(ax: Axes, curves: list[Curve], optimum: float | None = None) -> 
 
 
 def learning_figure(
-    panels: Mapping[str, list[Curve]], optimum: float, top: float = 0.9, title: str = ""
+    panels: Mapping[str, list[Curve]],
+    optimum: float,
+    title: str = "",
+    limits: tuple[float, float] = ROOMS_LIMITS,
 ) -> Figure:
     """Panels side by side, such as learning and greedy return, with one legend below."""
     figure = BookFigure(figsize=(7.6, 3.5))
@@ -105,7 +109,7 @@ def learning_figure(
     for ax, (name, curves) in zip(axes, panels.items(), strict=True):
         draw_curves(ax, curves, optimum)
         ax.set_title(name)
-        ax.set_ylim(-0.02, top)
+        ax.set_ylim(*limits)
     axes[0].set_ylabel("discounted return")
     handles, labels = axes[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=min(5, len(labels)))

@@ -35,7 +35,10 @@ EXPERIMENTS = {
         ROOMS_EVALUATION,
         ROOMS_SLIDERS,
         ROOMS_CHANGE,
+        ROOMS_CHANGE_SLIDERS,
         ROOMS_EXPLORATION,
+        ROOMS_LIKELIHOOD,
+        ROOMS_LIKELIHOOD_SLIDERS,
     )
 }
 POOLS = {e.pool.name: e.pool for e in EXPERIMENTS.values()}

@@ -18,6 +18,7 @@ from vtlib.experiments.work import load_result
 from vtlib.planning import plan
 from vtlib.plots import (
     COLOURS,
+    ROOMS_LIMITS,
     BookFigure,
     Curve,
     curve,
@@ -50,10 +51,13 @@ def stored_panels(name: str, labels: Sequence[str]) -> dict[str, list[Curve]]:
     return two_panels({label: (label, returns(name, label)) for label in labels})
 
 
-def returns_figure(name: str, labels: Sequence[str]) -> Figure:
+def returns_figure(
+    name: str, labels: Sequence[str], limits: tuple[float, float] = ROOMS_LIMITS
+) -> Figure:
     """Learning and greedy return of an experiment's algorithms, with the mean optimum dashed."""
     with look():
-        return learning_figure(stored_panels(name, labels), float(optimum(name).mean()))
+        best = float(optimum(name).mean())
+        return learning_figure(stored_panels(name, labels), best, limits=limits)
 
 
 def starts_figure(name: str, others: Mapping[str, str]) -> Figure:
