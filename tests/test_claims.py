@@ -414,7 +414,7 @@ def test_earns_half(early, late, expected):
         (-0.3, -0.1, 0.01, PARTLY),
         (-0.3, 0.1, 0.01, PARTLY),
         (0.01, -0.05, 0.2, PARTLY),
-        (-0.1, -0.3, 0.01, PARTLY),
+        (-0.1, -0.3, 0.01, NOT),
         (0.0, 0.3, 0.01, NOT),
         (0.0, -0.3, 0.01, NOT),
     ],

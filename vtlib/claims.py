@@ -239,15 +239,13 @@ def gap_closes(first: str, few: tuple, second: str, many: tuple, when: str) -> C
     few and many: returns (R,) of the first and of the second algorithm.
     """
     start, end = difference_interval(*few), difference_interval(*many)
+    closer = bool(abs(end.centre) < abs(start.centre))
+    met = bool(end.low <= 0 <= end.high)
+    # curves that were never clearly apart, or stay apart, earn nothing for how they began
+    from_apart = met and not start.low <= 0 <= start.high
     return Claim(
         f"{first} and {second} meet as sources grow.",
-        verdict(
-            [
-                not start.low <= 0 <= start.high,
-                bool(end.low <= 0 <= end.high),
-                bool(abs(end.centre) < abs(start.centre)),
-            ]
-        ),
+        verdict([closer, met, from_apart]),
         f"{when} {first} minus {second}: {_interval(start)} with the fewest sources, "
         f"{_interval(end)} with the most.",
     )

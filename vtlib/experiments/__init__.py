@@ -39,6 +39,8 @@ EXPERIMENTS = {
         ROOMS_EXPLORATION,
         ROOMS_LIKELIHOOD,
         ROOMS_LIKELIHOOD_SLIDERS,
+        ROOMS_LIKELIHOOD_STARTS,
+        ROOMS_SOURCES,
     )
 }
 POOLS = {e.pool.name: e.pool for e in EXPERIMENTS.values()}
