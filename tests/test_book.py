@@ -11,7 +11,7 @@ from urllib.parse import unquote, urldefrag, urlsplit
 import pytest
 from bs4 import BeautifulSoup
 
-from vtlib.experiments.experiment import COMPONENTS, LAMBDAS, PSIS
+from vtlib.experiments.experiment import COMPONENTS, PSIS, slider_lambdas
 from vtlib.experiments.rooms import MGVT
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -212,7 +212,7 @@ VISIBLE = "[...document.querySelectorAll('.widget-subarea img')].filter(i => i.o
 def test_each_slider_shows_the_picture_of_its_setting(
     book: Path, address: str, page, name: str
 ) -> None:
-    values = [[f"lambda = {x:.0e}," for x in LAMBDAS], [f"psi = {x:g}," for x in PSIS]]
+    values = [[f"lambda = {x:.0e}," for x in slider_lambdas(MGVT)], [f"psi = {x:g}," for x in PSIS]]
     values.append([f" {c} component" for c in COMPONENTS])
     for _ in open_everywhere(page, book, address, f"book/{name}.html"):
         page.wait_for_selector(".widget-slider .noUi-handle[aria-label]", state="attached")

@@ -86,7 +86,7 @@ def figure() -> Figure:
         "greedy": [some("NT", 2), some("GVT", 3)],
     }
     with look():
-        return learning_figure(panels, optimum=0.83, title="3 rooms")
+        return learning_figure(panels, optimum=0.83, limits=(-0.02, 0.9), title="3 rooms")
 
 
 @pytest.mark.parametrize("vision", VISION)
@@ -173,12 +173,14 @@ def test_without_an_optimum_none_is_drawn():
 
 
 def test_one_panel_is_enough():
-    assert len(learning_figure({"learning": [some("NT")]}, 0.8).axes) == 1
+    assert len(learning_figure({"learning": [some("NT")]}, 0.8, (0.0, 1.0)).axes) == 1
 
 
 def test_one_run_has_no_band_and_is_refused():
     with pytest.raises(ValueError, match="at least 2 runs"):
-        learning_figure({"learning": [curve("NT", "NT", ITERATIONS, np.zeros((1, 10)))]}, 0.8)
+        learning_figure(
+            {"learning": [curve("NT", "NT", ITERATIONS, np.zeros((1, 10)))]}, 0.8, (0.0, 1.0)
+        )
 
 
 def test_the_look_ends_with_its_context():

@@ -13,8 +13,9 @@ from torch import Tensor
 from vtlib import sources
 from vtlib.baselines import MellowTDSettings
 from vtlib.domains import DOMAINS, rooms_q
+from vtlib.envs.cartpole import CartpoleFamily
 from vtlib.envs.rooms import Rooms, RoomsFamily
-from vtlib.sources import Pool, SourceTraining, draw_tasks, head, pool_tasks, solve
+from vtlib.sources import NetworkPool, Pool, SourceTraining, draw_tasks, head, pool_tasks, solve
 from vtlib.training import Diverged
 
 TINY = Pool(
@@ -25,6 +26,12 @@ TINY = Pool(
     limit=240,
     check_every=10,
     episodes=2,
+    settings=MellowTDSettings(epsilon_steps=100, batch=5),
+)
+CARTS = NetworkPool(
+    "carts",
+    CartpoleFamily(),
+    count=2,
     settings=MellowTDSettings(epsilon_steps=100, batch=5),
 )
 OPTIMUM = 0.8
@@ -177,6 +184,23 @@ def test_a_diverged_source_is_named():
     training.agent.mu[1] = np.nan
     with pytest.raises(Diverged, match=r"source 1 of tiny-pool diverged: .* at iteration 5"):
         training.advance(2)
+
+
+def test_networks_start_in_common_or_each_for_itself():
+    together = SourceTraining(CARTS, [0, 1]).agent.mu
+    assert torch.equal(together[0], together[1])
+    apart = SourceTraining(replace(CARTS, common=False), [0, 1]).agent.mu
+    assert not torch.equal(apart[0], apart[1])
+    assert torch.equal(apart[0], together[0])
+
+
+def test_a_twin_has_the_tasks_and_the_random_numbers_of_the_pool_it_names():
+    twin = replace(CARTS, name="other carts", twin=CARTS.name)
+    np.testing.assert_array_equal(head(twin, [0, 1]), head(CARTS, [0, 1]))
+    assert torch.equal(pool_tasks(twin, [1]).cart_mass, pool_tasks(CARTS, [1]).cart_mass)
+    stranger = replace(CARTS, name="other carts")
+    assert not np.allclose(head(stranger, [0, 1]), head(CARTS, [0, 1]))
+    assert SourceTraining(twin, [1]).names == ["source 1 of other carts"]
 
 
 def test_the_rooms_have_484_weights():

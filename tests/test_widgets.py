@@ -16,7 +16,7 @@ from vtlib.domains import rooms_q
 from vtlib.envs.rooms import RoomsFamily
 from vtlib.experiments import ROOMS_SLIDERS, Experiment
 from vtlib.experiments import runs as runs_of
-from vtlib.experiments.experiment import COMPONENTS, LAMBDAS, PSIS, slider_name
+from vtlib.experiments.experiment import COMPONENTS, PSIS, slider_lambdas, slider_name
 from vtlib.experiments.rooms import MGVT
 from vtlib.plots import Curve, curve
 from vtlib.sources import Pool
@@ -123,8 +123,9 @@ def test_each_picture_is_drawn_once():
 
 
 def test_the_parameters_cover_the_stored_grid_and_start_at_the_thesis_setting():
-    axes = parameter_axes()
-    assert [tuple(v for _, v in axis.options) for axis in axes] == [LAMBDAS, PSIS, COMPONENTS]
+    axes = parameter_axes(MGVT)
+    grid = [tuple(value for _, value in axis.options) for axis in axes]
+    assert grid == [slider_lambdas(MGVT), PSIS, COMPONENTS]
     lambda_, psi, components = (axis.options[axis.start][1] for axis in axes)
     assert (lambda_, psi, components) == (MGVT.lambda_, MGVT.psi, MGVT.components)
     assert [text for text, _ in axes[0].options] == ["10⁻⁸", "10⁻⁷", "10⁻⁶", "10⁻⁵", "10⁻⁴"]
@@ -144,7 +145,7 @@ def stored(*algorithms: str) -> dict[str, list[Curve]]:
 
 
 def panel_of(experiment: Experiment = TINY, weights: np.ndarray = WEIGHTS) -> LivePanel:
-    return LivePanel(experiment, weights, stored("NT", "GVT"), 0.83, runs=2, iterations=200)
+    return LivePanel(experiment, MGVT, weights, stored("NT", "GVT"), 0.83, runs=2, iterations=200)
 
 
 def everything(widget: ui.Widget) -> Iterator[ui.Widget]:
@@ -388,7 +389,7 @@ def test_a_training_without_an_evaluation_recovers():
 
 def test_the_new_curve_is_told_apart_from_the_stored_one_of_its_algorithm(drawn, monkeypatch):
     monkeypatch.setattr(widgets, "run_batch", quick)
-    panel = LivePanel(TINY, WEIGHTS, stored("1-MGVT"), 0.83, runs=2, iterations=200)
+    panel = LivePanel(TINY, MGVT, WEIGHTS, stored("1-MGVT"), 0.83, runs=2, iterations=200)
     panel.run()
     panel.wait()
     old, new = drawn[1]["learning return"]
@@ -397,6 +398,6 @@ def test_the_new_curve_is_told_apart_from_the_stored_one_of_its_algorithm(drawn,
 
 @pytest.mark.parametrize(("runs", "iterations"), [(1, 200), (9, 100), (2, 9999)])
 def test_numbers_out_of_range_are_brought_into_it(runs, iterations):
-    panel = LivePanel(TINY, WEIGHTS, stored("NT"), 0.83, runs=runs, iterations=iterations)
+    panel = LivePanel(TINY, MGVT, WEIGHTS, stored("NT"), 0.83, runs=runs, iterations=iterations)
     assert 2 <= part(panel, ui.BoundedIntText, "runs").value <= TINY.runs
     assert 200 <= part(panel, ui.BoundedIntText, "iterations").value <= TINY.iterations

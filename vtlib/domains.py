@@ -30,6 +30,7 @@ class Domain:
     that differ between them. scale: deviation of a network's first weights, 0 for linear Q.
     passes: whether greedy returns (R, E) of E episodes, against the optimum (R,), solve each task
     to the required share.
+    limits: of the axis of returns in figures.
     for_sources: the tasks as sources are trained on them.
     """
 
@@ -38,6 +39,7 @@ class Domain:
     parameters: tuple[str, ...]
     scale: float
     passes: Callable[[Tensor, Tensor, float], Tensor]
+    limits: tuple[float, float]
     for_sources: Callable[[Tasks], Tasks] = lambda tasks: tasks
 
 
@@ -64,6 +66,7 @@ DOMAINS = {
         ("doors",),
         0.0,
         near_optimum,
+        (-0.02, 0.9),
         lambda tasks: replace(tasks, uniform_start=True),
     ),
     CartpoleFamily: Domain(
@@ -72,8 +75,11 @@ DOMAINS = {
         ("cart_mass", "pole_mass", "half_length"),
         0.1,
         balances,
+        (0.0, 68.0),
     ),
-    MountainCarFamily: Domain(lambda: MLP((2, 64, 3)), car_optimum, ("speed",), 0.1, near_optimum),
+    MountainCarFamily: Domain(
+        lambda: MLP((2, 64, 3)), car_optimum, ("speed",), 0.1, near_optimum, (-90.0, -35.0)
+    ),
 }
 
 

@@ -26,7 +26,6 @@ COLOURS = {
     "3-MGVT": "#009E73",
 }
 OPTIMUM = "#1a1a1a"
-ROOMS_LIMITS = (-0.02, 0.9)  # of the axis of returns
 # Line styles tell curves apart in print, and variants of one algorithm from it.
 STYLES = {
     "NT": (0, (1, 1)),
@@ -100,8 +99,8 @@ def draw_curves(ax: Axes, curves: list[Curve], optimum: float | None = None) -> 
 def learning_figure(
     panels: Mapping[str, list[Curve]],
     optimum: float,
+    limits: tuple[float, float],
     title: str = "",
-    limits: tuple[float, float] = ROOMS_LIMITS,
 ) -> Figure:
     """Panels side by side, such as learning and greedy return, with one legend below."""
     figure = BookFigure(figsize=(7.6, 3.5))

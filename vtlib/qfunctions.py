@@ -95,46 +95,78 @@ class MLP:
         self.d = sum(out * (into + 1) for into, out in self._layers)
 
     def prepare(self, obs: Tensor) -> Tensor:
-        """Observations (R, B, obs_dim) as columns (R, obs_dim, B)."""
-        return obs.transpose(-1, -2)
+        """Observations (R, B, obs_dim) as columns (R, obs_dim + 1, B) that end in a one."""
+        columns = obs.transpose(-1, -2)
+        return torch.cat([columns, torch.ones_like(columns[:, :1])], 1)
 
     def q(self, w: Tensor, x: Tensor) -> Tensor:
         """Values (R, K, A, B) of weights (R, K, d) at prepared observations."""
-        return self._forward(w, x)[-1][1].unflatten(0, w.shape[:2])
+        return self._forward(w, x)[1][-1].unflatten(0, w.shape[:2])
 
     def vjp(self, w: Tensor, x: Tensor) -> tuple[Tensor, Callable[[Tensor], Tensor]]:
         """Values, and the map from a cotangent (R, K, A, B) to a gradient (R, K, d)."""
-        passed = self._forward(w, x)
+        matrices, passed = self._forward(w, x)
+        backward = _shallow_gradients if len(matrices) == 2 else _gradients
 
         def pullback(cotangent: Tensor) -> Tensor:
-            delta, gradients = cotangent.flatten(0, 1), []
-            for layer in range(len(self._layers), 0, -1):
-                matrix, into = passed[layer][0], passed[layer - 1][1]
-                gradients.append(delta.sum(-1))
-                gradients.append(torch.bmm(delta, into.transpose(1, 2)).flatten(1))
-                if layer > 1:
-                    # the sign of a ReLU's output is its derivative, and far faster than a mask
-                    delta = torch.bmm(matrix.transpose(1, 2), delta).mul_(into.sign())
-            return torch.cat(gradients[::-1], -1).view(w.shape)
+            parts = backward(matrices, passed, cotangent.flatten(0, 1))
+            return torch.cat([part.flatten(1) for part in parts], -1).view(w.shape)
 
-        return passed[-1][1].unflatten(0, w.shape[:2]), pullback
+        return passed[-1].unflatten(0, w.shape[:2]), pullback
 
-    def _forward(self, w: Tensor, x: Tensor) -> list[tuple[Tensor | None, Tensor]]:
-        """Matrix and output of each layer for all R * K networks, the input first."""
+    def _forward(self, w: Tensor, x: Tensor) -> tuple[list[Tensor], list[Tensor]]:
+        """Each layer's matrix, and what each layer passes on, of all R * K networks.
+
+        The input comes first; the first matrix has the bias as its last column.
+        """
         runs, k, _ = w.shape
         flat = w.reshape(runs * k, -1)
-        x = x.unsqueeze(1).expand(-1, k, -1, -1).reshape(runs * k, *x.shape[1:])
-        passed: list[tuple[Tensor | None, Tensor]] = [(None, x)]
+        passed = [x.unsqueeze(1).expand(-1, k, -1, -1).reshape(runs * k, *x.shape[1:])]
+        matrices: list[Tensor] = []
         at = 0
-        for layer, (into, out) in enumerate(self._layers, 1):
+        for into, out in self._layers:
             matrix = flat[:, at : at + out * into].unflatten(-1, (out, into))
-            bias = flat[:, at + out * into : at + out * (into + 1)]
-            x = torch.baddbmm(bias.unsqueeze(-1), matrix, x)
-            if layer < len(self._layers):
-                x = x.relu_()
-            passed.append((matrix, x))
+            bias = flat[:, at + out * into : at + out * (into + 1)].unsqueeze(-1)
+            if matrices:
+                x = torch.baddbmm(bias, matrix, passed[-1].relu_())
+            else:
+                matrix = torch.cat([matrix, bias], -1)
+                x = torch.bmm(matrix, passed[-1])
+            matrices.append(matrix)
+            passed.append(x)
             at += out * (into + 1)
-        return passed
+        return matrices, passed
+
+
+def _gradients(matrices: list[Tensor], passed: list[Tensor], delta: Tensor) -> list[Tensor]:
+    """Backpropagation: gradients of matrix and bias layer by layer, from a cotangent (N, A, B)."""
+    parts: list[Tensor] = []
+    for layer in range(len(matrices) - 1, 0, -1):
+        into = passed[layer]
+        parts = [torch.bmm(delta, into.transpose(1, 2)), delta.sum(-1), *parts]
+        # the sign of a ReLU's output is its derivative, and far faster than a mask
+        delta = torch.bmm(matrices[layer].transpose(1, 2), delta).mul_(into.sign())
+    first = torch.bmm(delta, passed[0].transpose(1, 2))
+    return [first[..., :-1], first[..., -1], *parts]
+
+
+def _shallow_gradients(
+    matrices: list[Tensor], passed: list[Tensor], cotangent: Tensor
+) -> list[Tensor]:
+    """The same for one hidden layer, from one product with the mask of its units that are on.
+
+    A unit's output is its mask times a linear function of the input x, so both layers' gradients
+    are contractions of sum_b cotangent_ab mask_hb x_ib, and the hidden layer is read once.
+    """
+    first, second = matrices
+    # in place: nothing reads the hidden layer's values again
+    mask = passed[1].sign_()
+    outer = (cotangent.unsqueeze(2) * passed[0].unsqueeze(1)).flatten(1, 2)
+    shape = (-1, second.shape[1], *first.transpose(1, 2).shape[1:])
+    moments = torch.bmm(outer, mask.transpose(1, 2)).view(shape)  # (N, A, in + 1, hidden)
+    into_second = (moments * first.transpose(1, 2).unsqueeze(1)).sum(2)
+    into_first = (moments * second.unsqueeze(2)).sum(1).transpose(1, 2)
+    return [into_first[..., :-1], into_first[..., -1], into_second, cotangent.sum(-1)]
 
 
 class ModuleQ:

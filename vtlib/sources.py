@@ -38,20 +38,32 @@ class Pool:
         default_factory=lambda: MellowTDSettings(epsilon_steps=14_000)
     )
 
+    @property
+    def stream(self) -> str:
+        """What seeds the sources."""
+        return self.name
+
 
 @dataclass(frozen=True)
 class NetworkPool(Pool):
     """A pool of networks; ``common`` starts them all from the same weights.
 
     Only then do hidden units stay comparable between sources, so that weights can be averaged.
+    A pool has the tasks and the random numbers of its ``twin``, if it names one.
     """
 
     common: bool = True
+    twin: str = ""
+
+    @property
+    def stream(self) -> str:
+        """What seeds the sources."""
+        return self.twin or self.name
 
 
 def pool_tasks(pool: Pool, sources: Sequence[int]) -> Tasks:
     """The tasks of some sources of a pool, each drawn from a generator of its own."""
-    return draw_tasks(pool.family, pool.name, sources)
+    return draw_tasks(pool.family, pool.stream, sources)
 
 
 def draw_tasks(family: Family, experiment: str, runs: Sequence[int]) -> Tasks:
@@ -64,14 +76,14 @@ class SourceTraining:
 
     def __init__(self, pool: Pool, sources: Sequence[int]) -> None:
         def stream(role: str) -> Stream:
-            return Stream(pool.name, sources, role)
+            return Stream(pool.stream, sources, role)
 
         self.names = [f"source {i} of {pool.name}" for i in sources]
         self.tasks = pool_tasks(pool, sources)
         mine = domain(pool.family)
         q = mine.q()
         common = isinstance(pool, NetworkPool) and pool.common
-        start = first_weights(pool.family, pool.name, [0] * len(sources) if common else sources)
+        start = first_weights(pool.family, pool.stream, [0] * len(sources) if common else sources)
         learner = DDQN if isinstance(pool.settings, DDQNSettings) else MellowTD
         streams = stream("exploration"), stream("replay")
         self.agent = learner(q, start, self.tasks.obs_dim, pool.settings, *streams)

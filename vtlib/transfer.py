@@ -187,15 +187,19 @@ def td_gradients(
 ) -> Tensor:
     """Gradients (R, K, d) of the mean squared TD error at weights (R, K, d), eq. 5.4."""
     runs, k, _ = weights.shape
-    chunk = max(1, CACHED // (k * 2 * batch.obs.shape[1] * q.width))
-    if chunk >= runs:
+    size = 2 * batch.obs.shape[1] * q.width  # of what one weight vector passes on
+    rows = min(runs, max(1, CACHED // (k * size)))
+    columns = math.ceil(k / math.ceil(k * size / CACHED)) if rows == 1 else k
+    if (rows, columns) == (runs, k):
         return _td_gradients(q, weights, batch, psi, gamma, kappa)
-    # some runs at a time: what networks pass on for all of them would not fit into the cache
-    parts = []
-    for at in range(0, runs, chunk):
-        few = Transition(*(x[at : at + chunk] for x in batch))
-        parts.append(_td_gradients(q, weights[at : at + chunk], few, psi, gamma, kappa))
-    return torch.cat(parts)
+    # some at a time: what networks pass on for all weights would not fit into the cache
+    gradients = torch.empty_like(weights)
+    for at in range(0, runs, rows):
+        few = Transition(*(x[at : at + rows] for x in batch))
+        for start in range(0, k, columns):
+            part = slice(at, at + rows), slice(start, start + columns)
+            gradients[part] = _td_gradients(q, weights[part], few, psi, gamma, kappa)
+    return gradients
 
 
 def _td_gradients(

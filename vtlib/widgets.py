@@ -9,10 +9,11 @@ from dataclasses import dataclass, replace
 import ipywidgets as ui
 import numpy as np
 
-from vtlib.experiments.experiment import COMPONENTS, LAMBDAS, PSIS, Experiment
-from vtlib.experiments.rooms import MGVT
+from vtlib.experiments.experiment import COMPONENTS, PSIS, Experiment, slider_lambdas
+from vtlib.experiments.figures import limits_of
 from vtlib.experiments.runs import run_batch
 from vtlib.plots import Curve, image_html, learning_figure, look, power_of_ten, small_png
+from vtlib.transfer import Settings
 
 NEW = "#000000"  # of the new curve, solid beside the dashed optimum
 FULL = ui.Layout(width="100%")
@@ -28,20 +29,21 @@ class Axis:
     start: int
 
 
-def parameter_axes() -> list[Axis]:
-    """Sliders over the stored grid, starting at the setting of the thesis."""
+def parameter_axes(base: Settings) -> list[Axis]:
+    """Sliders over the stored grid around the thesis' setting, which they start at."""
+    lambdas = slider_lambdas(base)
     return [
         Axis(
             r"\(\lambda\)",
             "lambda, weight of the KL term",
-            [(power_of_ten(x), x) for x in LAMBDAS],
-            LAMBDAS.index(MGVT.lambda_),
+            [(power_of_ten(x), x) for x in lambdas],
+            lambdas.index(base.lambda_),
         ),
         Axis(
             r"\(\psi\)",
             "psi, share of the full gradient",
             [(f"{x:g}", x) for x in PSIS],
-            PSIS.index(MGVT.psi),
+            PSIS.index(base.psi),
         ),
         Axis(r"\(C\)", "C, number of components", [(str(x), x) for x in COMPONENTS], 0),
     ]
@@ -87,6 +89,7 @@ def _slider(axis: Axis) -> ui.SelectionSlider:
 class LivePanel:
     """Train with chosen parameters and draw the new curve over stored ones, in JupyterLab.
 
+    base is the setting of the thesis, whose other parameters are kept.
     ``widget`` is what to display. ``run`` starts the training in a thread of its own and ``stop``
     ends it at the next evaluation; what was learned until then is drawn.
     """
@@ -94,15 +97,16 @@ class LivePanel:
     def __init__(
         self,
         experiment: Experiment,
+        base: Settings,
         weights: np.ndarray,
         stored: dict[str, list[Curve]],
         optimum: float,
         runs: int = 5,
         iterations: int = 3_000,
     ) -> None:
-        self._experiment, self._weights = experiment, weights
+        self._experiment, self._base, self._weights = experiment, base, weights
         self._stored, self._optimum = stored, optimum
-        self._axes = [_slider(axis) for axis in parameter_axes()]
+        self._axes = [_slider(axis) for axis in parameter_axes(base)]
         self._runs = ui.BoundedIntText(runs, min=2, max=experiment.runs, description="runs")
         self._sources = ui.BoundedIntText(
             experiment.sources, min=1, max=experiment.sources, description="sources"
@@ -149,7 +153,7 @@ class LivePanel:
 
     def _train(self) -> None:
         lambda_, psi, components = (slider.value for slider in self._axes)
-        settings = replace(MGVT, lambda_=lambda_, psi=psi, components=int(components))
+        settings = replace(self._base, lambda_=lambda_, psi=psi, components=int(components))
         live = replace(
             self._experiment,
             algorithms={"live": settings},
@@ -181,7 +185,8 @@ class LivePanel:
             name: [*curves, *new[i : i + 1]]
             for i, (name, curves) in enumerate(self._stored.items())
         }
+        limits = limits_of(self._experiment)
         with look():
-            picture = small_png(learning_figure(panels, self._optimum))
+            picture = small_png(learning_figure(panels, self._optimum, limits))
         labels = ", ".join(one.label for one in next(iter(panels.values())))
         self._picture.value = image_html(picture, f"Learning and greedy return of {labels}.")

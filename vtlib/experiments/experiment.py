@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 from vtlib.baselines import DDQNSettings, MellowTDSettings
@@ -63,9 +64,14 @@ class Experiment:
         return self.counts.get(label, self.sources)
 
 
-LAMBDAS = (1e-8, 1e-7, 1e-6, 1e-5, 1e-4)
 PSIS = (0.0, 0.5, 1.0)
 COMPONENTS = (1, 2, 3)
+
+
+def slider_lambdas(base: Settings) -> tuple[float, ...]:
+    """Five powers of ten around the lambda of the thesis' setting."""
+    middle = round(math.log10(base.lambda_))
+    return tuple(float(f"1e{middle + step}") for step in (-2, -1, 0, 1, 2))
 
 
 def slider_name(lambda_: float, psi: float, components: int) -> str:
@@ -73,13 +79,7 @@ def slider_name(lambda_: float, psi: float, components: int) -> str:
     return f"{components}-MGVT-lambda-{lambda_:.0e}-psi-{psi:g}"
 
 
-def sliders_of(
-    experiment: Experiment,
-    name: str,
-    runs: int,
-    iterations: int,
-    lambdas: Sequence[float] = LAMBDAS,
-) -> Experiment:
+def sliders_of(experiment: Experiment, name: str, runs: int, iterations: int) -> Experiment:
     """The settings of the sliders around 1-MGVT, on an experiment's first runs or tasks."""
     base = experiment.algorithms["1-MGVT"]
     return replace(
@@ -88,7 +88,7 @@ def sliders_of(
         algorithms={
             slider_name(lambda_, psi, c): replace(base, lambda_=lambda_, psi=psi, components=c)
             for c in reversed(COMPONENTS)
-            for lambda_ in lambdas
+            for lambda_ in slider_lambdas(base)
             for psi in PSIS
         },
         runs=runs,

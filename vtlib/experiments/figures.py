@@ -9,16 +9,17 @@ import torch
 from matplotlib.figure import Figure
 
 from vtlib.claims import Returns
+from vtlib.domains import domain
 from vtlib.envs.draw import draw_rooms
 from vtlib.envs.rooms import Rooms
+from vtlib.experiments import named
 from vtlib.experiments.experiment import Experiment, slider_name
 from vtlib.experiments.reading import optimum, returns
-from vtlib.experiments.rooms import FIXED_LOWER, MGVT
+from vtlib.experiments.rooms import FIXED_LOWER
 from vtlib.experiments.work import load_result
 from vtlib.planning import plan
 from vtlib.plots import (
     COLOURS,
-    ROOMS_LIMITS,
     BookFigure,
     Curve,
     curve,
@@ -51,13 +52,16 @@ def stored_panels(name: str, labels: Sequence[str]) -> dict[str, list[Curve]]:
     return two_panels({label: (label, returns(name, label)) for label in labels})
 
 
-def returns_figure(
-    name: str, labels: Sequence[str], limits: tuple[float, float] = ROOMS_LIMITS
-) -> Figure:
+def returns_figure(name: str, labels: Sequence[str]) -> Figure:
     """Learning and greedy return of an experiment's algorithms, with the mean optimum dashed."""
     with look():
         best = float(optimum(name).mean())
-        return learning_figure(stored_panels(name, labels), best, limits=limits)
+        return learning_figure(stored_panels(name, labels), best, limits_of(named(name)))
+
+
+def limits_of(experiment: Experiment) -> tuple[float, float]:
+    """Limits of the axis of returns."""
+    return domain(experiment.family).limits
 
 
 def starts_figure(name: str, others: Mapping[str, str]) -> Figure:
@@ -71,7 +75,7 @@ def starts_figure(name: str, others: Mapping[str, str]) -> Figure:
             Curve("published start", second.iterations, second.learning, colour, (0, (2, 1))),
         ]
     with look():
-        return learning_figure(panels, float(optimum(name).mean()))
+        return learning_figure(panels, float(optimum(name).mean()), limits_of(named(name)))
 
 
 def environment_figure(doors: Sequence[Sequence[float]], experiment: str, walks: int = 5) -> Figure:
@@ -155,22 +159,25 @@ def distance_figure(name: str, labels: Sequence[str]) -> Figure:
 def slider_picture(
     experiment: Experiment, sliders: Experiment, lambda_: float, psi: float, components: int
 ) -> str:
-    """One setting of the sliders as an HTML picture, with NT and GVT for reference."""
+    """One setting of the sliders as an HTML picture, with no transfer and GVT for reference."""
     label = f"{components}-MGVT"
     mine = returns(sliders.name, slider_name(lambda_, psi, components))
-    references = {x: (x, head_of(returns(experiment.name, x), mine)) for x in ("NT", "GVT")}
+    shown = [x for x in ("NT", "DDQN", "GVT") if x in experiment.algorithms]
+    references = {x: (x, head_of(returns(experiment.name, x), mine)) for x in shown}
     panels = two_panels(references | {label: (label, mine)})
     with look():
-        title = setting_title(lambda_, psi, components)
-        figure = learning_figure(panels, float(mine.optimum.mean()), title=title)
+        title = setting_title(experiment, lambda_, psi, components)
+        best = float(mine.optimum.mean())
+        figure = learning_figure(panels, best, limits_of(experiment), title)
         end = mean_interval(mine.learning[:, -1]).centre
         alt = f"Returns with {setting_words(lambda_, psi, components)}; "
         return image_html(small_png(figure), alt + f"final learning return {end:.2f}.")
 
 
-def setting_title(lambda_: float, psi: float, components: int) -> str:
+def setting_title(experiment: Experiment, lambda_: float, psi: float, components: int) -> str:
     """A setting of the sliders in symbols, the thesis' own marked."""
-    thesis = (lambda_, psi) == (MGVT.lambda_, MGVT.psi) and components in (1, 3)
+    base = experiment.algorithms["1-MGVT"]
+    thesis = (lambda_, psi) == (base.lambda_, base.psi) and components in (1, 3)
     title = f"λ = {power_of_ten(lambda_)}, ψ = {psi:g}, {_counted(components)}"
     return title + (" (the thesis' setting)" if thesis else "")
 

@@ -139,7 +139,7 @@ def slider_picture(
             ax.set_ylim(-0.03, 1.08)
         handles, labels = left.get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside lower center", ncols=3)
-        title = setting_title(lambda_, psi, components)
+        title = setting_title(experiment, lambda_, psi, components)
         figure.suptitle(title, x=0.01, ha="left", fontsize=10)
         alt = f"Returns with {setting_words(lambda_, psi, components)}; mean share of the optimum "
         alt += f"after {last} iterations {curves[1].returns[:, -1].mean():.2f}."
