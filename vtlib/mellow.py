@@ -7,6 +7,8 @@ import math
 import torch
 from torch import Tensor
 
+from vtlib.exponential import exp_of_differences
+
 
 def mellowmax(values: Tensor, kappa: float, dim: int = -1) -> Tensor:
     """Softened maximum of eq. 5.3: log of the mean of exp(kappa * values), over kappa, along dim.
@@ -19,7 +21,7 @@ def mellowmax(values: Tensor, kappa: float, dim: int = -1) -> Tensor:
         raise ValueError(f"kappa must be finite and positive, got {kappa}")
     top = values.amax(dim, keepdim=True)
     # the mean (not logsumexp minus a log) makes the mellowmax of equal values exact
-    soft = (kappa * (values - top)).exp_().mean(dim, keepdim=True).log_().div_(kappa)
+    soft = exp_of_differences(kappa * (values - top)).mean(dim, keepdim=True).log_().div_(kappa)
     return (top + soft).squeeze(dim)
 
 
@@ -61,7 +63,7 @@ def td_cotangent(
     batch = q.shape[-1]
     alive = gamma * ~terminal
     top = q_next.amax(-2, keepdim=True)
-    weights = (kappa * (q_next - top)).exp_()
+    weights = exp_of_differences(kappa * (q_next - top))
     mean = weights.mean(-2, keepdim=True)
     value = top.add(mean.log(), alpha=1 / kappa).squeeze(-2)
     index = _row(action, q)
