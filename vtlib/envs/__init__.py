@@ -3,16 +3,22 @@
 import gymnasium
 
 from vtlib.envs.cartpole import Cartpole, CartpoleFamily
+from vtlib.envs.maze import MazeFamily, Mazes
+from vtlib.envs.mazes import load_mazes, parse_maze
 from vtlib.envs.mountain_car import MountainCar, MountainCarFamily
 from vtlib.envs.rooms import Rooms, RoomsFamily
 
 __all__ = [
     "Cartpole",
     "CartpoleFamily",
+    "MazeFamily",
+    "Mazes",
     "MountainCar",
     "MountainCarFamily",
     "Rooms",
     "RoomsFamily",
+    "load_mazes",
+    "parse_maze",
 ]
 
 for _name in ("Rooms", "Cartpole", "MountainCar"):

@@ -13,6 +13,16 @@ from numpy.typing import ArrayLike
 from torch import Tensor
 
 
+def checked_rows(index: Tensor | np.ndarray | Sequence[int], count: int) -> Tensor:
+    """Integers that index a batch of `count` tasks, as a tensor; ValueError for anything else."""
+    rows = torch.as_tensor(index)
+    if rows.ndim != 1 or rows.dtype.is_floating_point or rows.dtype == torch.bool:
+        raise ValueError(f"index must be a list of integers, got {index!r}")
+    if len(rows) and not -count <= int(rows.min()) <= int(rows.max()) < count:
+        raise ValueError(f"index must lie in 0..{count - 1}, got {index!r}")
+    return rows
+
+
 @dataclass(frozen=True, eq=False)
 class ParameterBatch:
     """R fully observed tasks without noise; each field of a subclass is one of their parameters.
@@ -78,11 +88,7 @@ class ParameterBatch:
     def select(self, index: Tensor | np.ndarray | Sequence[int]) -> Self:
         """The tasks at `index`, in that order; an index may repeat.  Raises ValueError outside."""
         values = self.parameters()
-        rows = torch.as_tensor(index, device=next(iter(values.values())).device)
-        if rows.ndim != 1 or rows.dtype.is_floating_point or rows.dtype == torch.bool:
-            raise ValueError(f"index must be a list of integers, got {index!r}")
-        if len(rows) and not -len(self) <= int(rows.min()) <= int(rows.max()) < len(self):
-            raise ValueError(f"index must lie in 0..{len(self) - 1}, got {index!r}")
+        rows = checked_rows(index, len(self)).to(next(iter(values.values())).device)
         return type(self)(**{name: value[rows] for name, value in values.items()})
 
     def to(self, device: torch.device | str) -> Self:

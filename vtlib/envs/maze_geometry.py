@@ -1,0 +1,110 @@
+"""Where straight lines meet the walls of mazes, for a batch of mazes of unit cells at once.
+
+A line is followed by looking up what lies behind each of the few grid lines that it can cross; the
+axes x and y are handled alike, along a dimension of length two.  In NumPy, whose operations on
+small arrays cost a third of torch's, and in float64, so that rounding does not decide what a ray
+sees that passes close by a corner.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+SIDE = 10  # cells, each 1 m wide
+REACH = 2.0  # m, of the sensors
+# For the robot's centre walls are this much wider (m): so it never touches one, whatever float32
+# makes of its position, nor slips between two that only touch at a corner.
+CLEARANCE = 0.01
+LONGEST_MOVE = 0.95  # m along either axis: such a move meets at most one line of each kind
+# A blocked move ends this share of it earlier: a robot that has run into a wall head-on can still
+# drive along it.
+BACK_OFF = 2e-4
+
+PADDING = 2  # cells of wall around the square: as far as a ray or a move can look beyond it
+WIDTH = SIDE + 2 * PADDING
+# Contents of cells.  The larger of a distance and WALL is the distance; the larger of a distance
+# and anything else is at least REACH.  The same holds for GOAL - contents at the goal.
+WALL, FREE, GOAL = 0.0, REACH, 2 * REACH
+
+_QUARTERS = np.array([0.0, math.pi / 2])  # the cosine of an angle less this is its cosine, its sine
+_STRIDE = np.array([[float(WIDTH)], [1.0]])  # (2, 1): from a cell to the next along x, along y
+_LINES = np.array([0.0, 1.0]).reshape(2, 1, 1, 1)  # the first and the second line met
+# Either side of the robot; a hair more than the clearance, for one that aims at a corner exactly
+# would else meet neither of its sides.
+_EDGES = (CLEARANCE + 1e-9) * np.array([-1.0, 1.0]).reshape(2, 1, 1)
+
+
+@dataclass(frozen=True, eq=False)
+class Ground:
+    """R mazes as one flat array: contents `cells` (R WIDTH^2,), indices `origin` (R,) of (0, 0)."""
+
+    cells: np.ndarray
+    origin: np.ndarray
+
+    @classmethod
+    def of(cls, walls: np.ndarray, goal: np.ndarray) -> Ground:
+        """The ground of mazes with walls (R, SIDE, SIDE) bool and goal cells (R, 2) of integers."""
+        rows = np.arange(len(walls))
+        cells = np.full((len(walls), WIDTH, WIDTH), WALL)
+        inside = slice(PADDING, PADDING + SIDE)
+        cells[:, inside, inside] = np.where(walls, WALL, FREE)
+        cells[rows, goal[:, 0] + PADDING, goal[:, 1] + PADDING] = GOAL
+        return cls(cells.ravel(), rows * float(WIDTH**2) + PADDING * WIDTH + PADDING)
+
+    def at(self, index: np.ndarray) -> np.ndarray:
+        """Contents of the cells at `index`, integers held as float64."""
+        return self.cells.take(index.astype(np.int64))
+
+
+def directions(angle: np.ndarray) -> np.ndarray:
+    """Unit vectors (2, ...) at angles (...) in radians, counted from the x axis to the left."""
+    return np.cos(angle - _QUARTERS.reshape(2, *[1] * angle.ndim))
+
+
+def look(
+    ground: Ground, position: np.ndarray, direction: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Distance (K, R) along each ray to the first wall, and whether it meets the goal before.
+
+    `position` (2, R), `direction` (2, K, R) of unit vectors, none along an axis to the last digit;
+    nothing is seen beyond REACH, which is the distance read there.
+    """
+    cell = np.floor(position)
+    sign, inverse = np.sign(direction), 1 / direction
+    # A ray of 2 m meets at most two lines of a kind.  From here on: (line, axis, K, R).
+    first = (0.5 * sign - (position - cell - 0.5)[:, None]) * inverse
+    distance = np.minimum(first + np.abs(inverse) * _LINES, REACH)
+    aside = np.floor(distance * direction[::-1] + position[::-1, None])
+    start = cell * _STRIDE + ground.origin
+    beyond = start[:, None] + sign * _STRIDE[:, None] * (1 + _LINES)
+    found = ground.at(beyond + aside * _STRIDE[::-1, None])
+    wall = np.maximum(distance, found).min((0, 1)).clip(max=REACH)
+    goal = np.maximum(distance, GOAL - found).min((0, 1))
+    # A robot in the goal's cell meets it at once.
+    own = GOAL - ground.at(start[0] + cell[1])
+    return wall, np.minimum(goal, own) < wall
+
+
+def advance(ground: Ground, position: np.ndarray, move: np.ndarray) -> np.ndarray:
+    """Where moves (2, R) from positions (2, R) end, going as far as no wall is in their way.
+
+    A robot that keeps CLEARANCE from all walls still does afterwards.  Moves longer than
+    LONGEST_MOVE along an axis are cut to it.
+    """
+    move = move.clip(-LONGEST_MOVE, LONGEST_MOVE)
+    cell, sign = np.floor(position), np.sign(move)
+    # The share of the move after which the robot's clearance meets the next cell, FREE where that
+    # is beyond its end.  A robot that does not move along an axis divides by 0 there; fmin and
+    # fmax turn the infinity or NaN into a number.
+    line = cell + 0.5 + (0.5 - CLEARANCE) * sign
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share = np.fmax(np.fmin((line - position) / move, FREE), 0.0)
+    # There two cells have to be free, should the robot be at the edge between them.
+    aside = np.floor(position[::-1] + share * move[::-1] + _EDGES)
+    beyond = (cell + sign) * _STRIDE + ground.origin
+    found = ground.at(beyond + aside * _STRIDE[::-1]).min(0)
+    first = np.maximum(share, found).min(0)
+    return position + (first - BACK_OFF).clip(0.0, 1.0) * move
