@@ -21,7 +21,7 @@ __all__ = [
     "parse_maze",
 ]
 
-for _name in ("Rooms", "Cartpole", "MountainCar"):
+for _name in ("Rooms", "Cartpole", "MountainCar", "Maze"):
     gymnasium.register(
         id=f"vtlib/{_name}-v0",
         entry_point=f"vtlib.envs.gym:{_name}Env",

@@ -1,0 +1,73 @@
+"""Plain drawing of a maze: used by the environments' frames and by the book."""
+
+from __future__ import annotations
+
+import numpy as np
+import torch
+from matplotlib.axes import Axes
+from matplotlib.collections import PatchCollection
+from matplotlib.patches import Circle, Rectangle
+from numpy.typing import ArrayLike
+
+from vtlib.envs.draw import picture
+from vtlib.envs.draw_control import ARROW, BODY, FLAG
+from vtlib.envs.maze import ANGLES, SENSORS, Mazes
+from vtlib.envs.maze_geometry import REACH, SIDE
+
+ROBOT = 0.22  # m, the radius drawn; the robot itself is a point
+WALL = "#3c3c3c"
+
+
+def draw_maze(
+    ax: Axes,
+    tasks: Mazes,
+    index: int = 0,
+    state: ArrayLike | None = None,
+    *,
+    rays: bool = False,
+    path: ArrayLike | None = None,
+) -> None:
+    """Draw task `index` on `ax`, in m: walls, goal, and the robot in `state` (3,) if given.
+
+    With `rays` its sensors' rays are shown as far as they see, green where they meet the goal and
+    ending in a dot where they meet a wall.  `path` (T, 2 or 3) is a line of positions, or states.
+    """
+    ax.add_patch(Rectangle(tasks.goal[index].tolist(), 1, 1, color=FLAG, lw=0))
+    cells = np.argwhere(tasks.walls[index].numpy())
+    blocks = [Rectangle(cell, 1, 1) for cell in cells.tolist()]
+    # Outlined, for the eye sees seams between blocks that only touch.
+    ax.add_collection(PatchCollection(blocks, facecolor=WALL, edgecolor=WALL, lw=1))
+    if path is not None:
+        ax.plot(*np.asarray(path)[:, :2].T, color=BODY, lw=1.5, solid_joinstyle="round")
+    if state is not None:
+        pose = np.asarray(state, np.float32)
+        if rays:
+            _draw_rays(ax, tasks, index, pose)
+        _draw_robot(ax, pose)
+    ax.set(xlim=(0, SIDE), ylim=(0, SIDE), aspect="equal", xticks=[], yticks=[])
+    ax.grid(False)
+    for spine in ax.spines.values():
+        spine.set(color=WALL, linewidth=2, visible=True)
+
+
+def maze_frame(tasks: Mazes, index: int, state: np.ndarray) -> np.ndarray:
+    """One picture (400, 400, 3) uint8 of task `index` in `state` (3,), with what its robot sees."""
+    return picture(lambda ax: draw_maze(ax, tasks, index, state, rays=True), (4, 4))
+
+
+def _draw_robot(ax: Axes, pose: np.ndarray) -> None:
+    x, y, heading = pose.tolist()
+    ax.add_patch(Circle((x, y), ROBOT, facecolor=BODY, edgecolor="white", lw=0.8, zorder=4))
+    nose = [x + ROBOT * np.cos(heading)], [y + ROBOT * np.sin(heading)]
+    ax.plot([x, *nose[0]], [y, *nose[1]], color="white", lw=2, zorder=5)
+
+
+def _draw_rays(ax: Axes, tasks: Mazes, index: int, pose: np.ndarray) -> None:
+    seen = tasks.select([index]).observe(torch.from_numpy(pose[None]))[0].numpy()
+    distance, flag = seen[4 : 4 + SENSORS], seen[4 + SENSORS :]
+    for angle, length, goal in zip(pose[2] + ANGLES, distance, flag, strict=True):
+        end = pose[:2] + length * np.array([np.cos(angle), np.sin(angle)])
+        color = FLAG if goal else ARROW
+        ax.plot(*np.stack([pose[:2], end], 1), color=color, lw=1, zorder=3)
+        if length < REACH:
+            ax.plot(*end, "o", color=color, markersize=3, zorder=3)
