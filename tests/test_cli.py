@@ -45,7 +45,7 @@ TINY = Experiment(
 RESULTS = ("tiny-pool/sources", "tiny/tasks", "tiny/NT", "tiny/GVT")
 
 
-def run_here(units, root, jobs, quiet):
+def run_here(missing, units, root, jobs, quiet):
     for unit in units:
         work.run_unit(unit, root, lambda unit, share: True)
 

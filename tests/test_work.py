@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import time
+from concurrent.futures import Future
 from dataclasses import replace
 from pathlib import Path
 
@@ -46,6 +47,9 @@ TINY = Experiment(
 )
 
 
+RUN_ALL = work._run_all
+
+
 def install(monkeypatch):
     """A small experiment under its own names, computed in this process."""
     monkeypatch.setitem(EXPERIMENTS, TINY.name, TINY)
@@ -54,8 +58,8 @@ def install(monkeypatch):
     monkeypatch.setattr(work, "_run_all", run_here)
 
 
-def run_here(units, root, jobs, quiet):
-    for unit in units:
+def run_here(missing, units, root, jobs, quiet):
+    for unit in missing:
         work.run_unit(unit, root, lambda unit, share: True)
 
 
@@ -177,6 +181,51 @@ def test_killed_at_any_moment_the_same_call_finishes_with_the_same_files(
         first, _ = store.load(stored / owner / label)
         for key in first:
             np.testing.assert_allclose(again[key], first[key], rtol=1e-3, atol=1e-3)
+
+
+class Inline:
+    """An executor that does at once what it is given, in this process."""
+
+    def __init__(self, *_):
+        pass
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        pass
+
+    def submit(self, function, *arguments):
+        future = Future()
+        future.set_result(function(*arguments))
+        return future
+
+
+def test_parts_left_from_a_run_that_was_stopped_are_joined_with_the_others(
+    tiny, tmp_path, stored, monkeypatch
+):
+    monkeypatch.setattr(work, "_run_all", RUN_ALL)
+    monkeypatch.setattr(work, "ProcessPoolExecutor", Inline)
+    monkeypatch.setattr(work, "_in_process", lambda u, root: work.run_unit(u, root, lambda *_: 1))
+    shutil.copytree(stored / POOL.name, tmp_path / "again" / POOL.name)
+    root = tmp_path / "again"
+    left = next(unit for unit in work.run_units(tiny) if unit.label == "NT")
+    work.run_unit(left, root, lambda *_: True)
+    work.complete("tiny", root, jobs=1, quiet=True)
+    for label in tiny.algorithms:
+        assert list(store.load(root / "tiny" / label)[0]["run"]) == [0, 1, 2]
+
+
+def test_a_part_of_another_configuration_stops_it_before_anything_is_computed(
+    tiny, tmp_path, monkeypatch
+):
+    root, ran = tmp_path / "parts", []
+    unit = work.source_units(POOL)[0]
+    store.save(root / unit.part, {"x": np.zeros(1)}, {"config": {"limit": 7}, "seconds": 1.0})
+    monkeypatch.setattr(work, "_run_all", lambda *_: ran.append(1))
+    with pytest.raises(store.TornResult, match="another configuration"):
+        work.complete("tiny", root, jobs=1)
+    assert not ran
 
 
 def test_real_processes_compute_what_is_missing(tmp_path):

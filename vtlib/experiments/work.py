@@ -122,11 +122,14 @@ def complete(name: str, root: Path, jobs: int, quiet: bool = False) -> None:
     for owner, label in dict.fromkeys((u.owner, u.label) for units in stages for u in units):
         if store.exists(root / owner / label):
             load_result(owner, label, root)
+    for unit in (u for units in stages for u in units if store.exists(root / u.part)):
+        _, note = store.load(root / unit.part)
+        _check_config(root / unit.part, note, config_of(unit.owner, unit.label))
     for units in stages:
         join_finished(units, root)
         missing = [u for u in units if not _done(u, root)]
         if missing:
-            _run_all(missing, root, jobs, quiet)
+            _run_all(missing, units, root, jobs, quiet)
             join_finished(units, root)
     _drop_empty(root / PARTS)
 
@@ -135,26 +138,31 @@ def _done(unit: Unit, root: Path) -> bool:
     return store.exists(root / unit.result) or store.exists(root / unit.part)
 
 
-def _run_all(units: Sequence[Unit], root: Path, jobs: int, quiet: bool) -> None:
-    """Run units in ``jobs`` processes, with one progress bar over all of them."""
+def _run_all(
+    missing: Sequence[Unit], units: Sequence[Unit], root: Path, jobs: int, quiet: bool
+) -> None:
+    """Run missing units in ``jobs`` processes, with one progress bar; join results of ``units``."""
     context = multiprocessing.get_context("spawn")
     queue = context.Queue()
-    with tqdm(total=100 * len(units), desc=units[0].owner, unit="%", disable=quiet) as bar:
+    with tqdm(total=100 * len(missing), desc=units[0].owner, unit="%", disable=quiet) as bar:
         watcher = threading.Thread(target=_watch, args=(queue, bar), daemon=True)
         watcher.start()
         try:
-            _compute_all(units, root, jobs, context, queue)
+            _compute_all(missing, units, root, jobs, context, queue)
         finally:
             queue.put(None)
             watcher.join()
 
 
-def _compute_all(units: Sequence[Unit], root: Path, jobs: int, context, queue) -> None:
+def _compute_all(
+    missing: Sequence[Unit], units: Sequence[Unit], root: Path, jobs: int, context, queue
+) -> None:
     with ProcessPoolExecutor(jobs, context, _begin_worker, (queue,)) as executor:
-        futures = [executor.submit(_in_process, unit, root) for unit in units]
+        futures = [executor.submit(_in_process, unit, root) for unit in missing]
         try:
             for future in as_completed(futures):
                 future.result()
+                # of all units: a result's other parts may be left from a run that was stopped
                 join_finished(units, root)
         except BaseException:
             executor.shutdown(wait=False, cancel_futures=True)
