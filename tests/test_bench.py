@@ -7,34 +7,39 @@ import math
 import pytest
 
 from vtlib import bench
-from vtlib.experiments import ROOMS_EVALUATION
+from vtlib.experiments import CARTPOLE, ROOMS_EVALUATION
 from vtlib.transfer import Settings
+
+ALL = [(experiment, label) for experiment, old in bench.PUBLISHED for label in old]
 
 
 @pytest.mark.parametrize("components", [1, 3])
 @pytest.mark.parametrize("weights", [1, 10])
 def test_the_bound_is_the_flops_of_one_update_at_that_rate(components, weights):
-    settings = Settings(components=components, weights=weights)
-    flops = 2 * 484**2 * (weights + 1 / 2) * components
-    assert bench.bound(settings, rate=1e9) == pytest.approx(flops / 1e9 * 1000)
-    assert bench.bound(settings, rate=2e9) == pytest.approx(flops / 2e9 * 1000)
+    settings = Settings(components=components, weights=weights, batch=50)
+    factor = 2 * 484**2 * (weights + 1 / 2)
+    network = 2 * 2 * 484 * (50 + 50) * weights
+    ms = components * (factor + network) / 1e9 * 1000
+    assert bench.bound(ROOMS_EVALUATION, settings, rate=1e9) == pytest.approx(ms)
+    assert bench.bound(ROOMS_EVALUATION, settings, rate=2e9) == pytest.approx(ms / 2)
 
 
-def test_without_a_posterior_there_is_no_bound():
-    assert bench.bound(ROOMS_EVALUATION.algorithms["NT"], 1e9) is None
+def test_without_a_posterior_the_bound_is_four_passes_through_the_network():
+    assert bench.bound(CARTPOLE, CARTPOLE.algorithms["DDQN"], 1e9) == pytest.approx(
+        4 * 2 * 226 * 150 / 1e6
+    )
 
 
-@pytest.mark.parametrize("label", bench.PUBLISHED)
-def test_every_published_algorithm_is_measured(label):
-    assert label in ROOMS_EVALUATION.algorithms
-    measured = bench.milliseconds(label, iterations=1, repeats=1)
+@pytest.mark.parametrize(("experiment", "label"), ALL)
+def test_every_published_algorithm_is_measured(experiment, label):
+    measured = bench.milliseconds(experiment, label, iterations=1, repeats=1)
     assert math.isfinite(measured)
     assert measured > 0
 
 
 def test_an_unknown_algorithm():
     with pytest.raises(KeyError, match="DDQN"):
-        bench.milliseconds("DDQN", iterations=1, repeats=1)
+        bench.milliseconds(ROOMS_EVALUATION, "DDQN", iterations=1, repeats=1)
 
 
 def test_the_rate_counts_two_operations_for_each_product(monkeypatch):
@@ -54,15 +59,13 @@ def test_the_least_of_the_repeats_counts_once_each():
 
 
 def test_the_table_shows_the_time_its_bound_and_their_ratio(monkeypatch, capsys):
-    monkeypatch.setattr(bench, "milliseconds", lambda label: 2.0)
+    monkeypatch.setattr(bench, "milliseconds", lambda experiment, label: 2.0)
     monkeypatch.setattr(bench, "sgemm_rate", lambda: 50e9)
     assert bench.main() == 0
-    first, _, *rows = capsys.readouterr().out.splitlines()
+    first, *rows = capsys.readouterr().out.splitlines()
     assert "50 GFLOP/s" in first
     assert "20 runs" in first
-    cells = {row.split()[0]: row.split()[1:] for row in rows}
-    assert cells["NT"] == ["2.000", "-", "-", "0.71"]
-    # 2 d^2 10.5 operations at 50 GFLOP/s take 0.098 ms
-    assert cells["1-MGVT"] == ["2.000", "0.098", "20.3", "17.50"]
-    assert cells["3-MGVT"] == ["2.000", "0.295", "6.8", "80.00"]
-    assert list(cells) == list(bench.PUBLISHED)
+    assert [row.split()[0] for row in rows if "(d =" not in row] == [label for _, label in ALL]
+    # 2 d^2 10.5 operations for L and 4 d 100 10 for Q at 50 GFLOP/s take 0.137 ms, d = 484
+    assert rows[3].split() == ["1-MGVT", "2.000", "0.137", "14.6", "17.50"]
+    assert rows[4].split() == ["3-MGVT", "2.000", "0.411", "4.9", "80.00"]

@@ -11,6 +11,7 @@ from urllib.parse import unquote, urldefrag, urlsplit
 import pytest
 from bs4 import BeautifulSoup
 
+from vtlib.experiments.control import CARTPOLE_MGVT
 from vtlib.experiments.experiment import COMPONENTS, PSIS, slider_lambdas
 from vtlib.experiments.rooms import MGVT
 
@@ -205,49 +206,69 @@ def test_sliders_are_named_and_move_with_the_keyboard(book: Path, address: str, 
 VISIBLE = "[...document.querySelectorAll('.widget-subarea img')].filter(i => i.offsetParent)"
 
 
+ROOMS = MGVT, slider_lambdas(MGVT), 1
+# The setting that each page's sliders start at, the values of lambda, and its slider panels.
+SETTINGS = {
+    "rooms_evaluation": ROOMS,
+    "rooms_distribution_change": ROOMS,
+    "rooms_likelihood": ROOMS,
+    "cartpole": (CARTPOLE_MGVT, slider_lambdas(CARTPOLE_MGVT), 2),
+}
+
+
 @pytest.mark.usefixtures("vendored")
-@pytest.mark.parametrize(
-    "name", ["rooms_evaluation", "rooms_distribution_change", "rooms_likelihood"]
-)
+@pytest.mark.parametrize("name", SETTINGS)
 def test_each_slider_shows_the_picture_of_its_setting(
     book: Path, address: str, page, name: str
 ) -> None:
-    values = [[f"lambda = {x:.0e}," for x in slider_lambdas(MGVT)], [f"psi = {x:g}," for x in PSIS]]
+    base, lambdas, panels = SETTINGS[name]
+    values = [[f"lambda = {x:.0e}," for x in lambdas], [f"psi = {x:g}," for x in PSIS]]
     values.append([f" {c} component" for c in COMPONENTS])
     for _ in open_everywhere(page, book, address, f"book/{name}.html"):
         page.wait_for_selector(".widget-slider .noUi-handle[aria-label]", state="attached")
         handles = page.locator(".widget-slider .noUi-handle").all()
-        assert len(handles) == len(values)
-        current = [f"lambda = {MGVT.lambda_:.0e},", f"psi = {MGVT.psi:g},", " 1 component"]
-        assert_shown(page, current)
-        for axis, handle in enumerate(handles):
+        assert len(handles) == len(values) + panels - 1
+        current = [f"lambda = {base.lambda_:.0e},", f"psi = {base.psi:g},", " 1 component"]
+        assert_shown(page, current, panels)
+        for axis, handle in enumerate(handles[panels - 1 :]):
             handle.focus()
             page.keyboard.press("Home")
             for at, text in enumerate(values[axis]):
                 if at:
                     page.keyboard.press("ArrowRight")
                 current[axis] = text
-                assert_shown(page, current)
+                assert_shown(page, current, panels)
+
+
+MOMENTS = {
+    "rooms_exploration": ((0, 50, 100), 2000, 1),
+    "cartpole": ((0, 100, 200), 2000, 2),
+}
 
 
 @pytest.mark.usefixtures("vendored")
-def test_the_slider_over_iterations_shows_each_moment(book: Path, address: str, page) -> None:
-    for _ in open_everywhere(page, book, address, "book/rooms_exploration.html"):
-        handle = page.locator(".widget-slider .noUi-handle[aria-label]")
+@pytest.mark.parametrize("name", MOMENTS)
+def test_the_slider_over_iterations_shows_each_moment(
+    book: Path, address: str, page, name: str
+) -> None:
+    first, last, panels = MOMENTS[name]
+    for _ in open_everywhere(page, book, address, f"book/{name}.html"):
+        handle = page.locator(".widget-slider .noUi-handle[aria-label]").first
         handle.wait_for(state="attached")
         handle.focus()
         page.keyboard.press("Home")
-        for iteration in (0, 50, 100):
-            assert_shown(page, [f"after {iteration} iterations"])
+        for iteration in first:
+            assert_shown(page, [f"after {iteration} iterations"], panels)
             page.keyboard.press("ArrowRight")
         page.keyboard.press("End")
-        assert_shown(page, ["after 2000 iterations"])
+        assert_shown(page, [f"after {last} iterations"], panels)
 
 
-def assert_shown(page, setting: list[str]) -> None:
-    """One picture is visible, and its description names the setting."""
-    test = f"texts => {{ const v = {VISIBLE}; return v.length === 1 && "
-    page.wait_for_function(test + "texts.every(t => v[0].alt.includes(t)) }", arg=setting)
+def assert_shown(page, setting: list[str], panels: int) -> None:
+    """One picture is visible in each panel, and one description names the setting."""
+    named = "v.filter(i => texts.every(t => i.alt.includes(t))).length === 1"
+    test = f"([texts, panels]) => {{ const v = {VISIBLE}; return v.length === panels && {named} }}"
+    page.wait_for_function(test, arg=[setting, panels])
 
 
 @pytest.mark.skipif(shutil.which("git") is None, reason="git is not installed")

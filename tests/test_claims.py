@@ -27,6 +27,7 @@ from vtlib.claims import (
     little_jump_start,
     moves_early,
     never_arrives,
+    no_advantage,
     no_better,
     not_by,
     only_beginning,
@@ -471,6 +472,14 @@ def test_moves_early(greedy, expected):
 def test_learns_faster(gain, expected):
     a, b = over_time([20 + gain, 30, 0], [0] * 3), over_time([20, 30, 60], [0] * 3)
     claim = learns_faster("1-MGVT", a, "DDQN", b, 1_000)
+    assert claim.verdict == expected
+    assert f"first 1,000 iterations: {gain / 2:.3f}" in claim.evidence
+
+
+@pytest.mark.parametrize(("gain", "expected"), [(1.0, NOT), (0.0, REPRODUCED), (-1.0, REPRODUCED)])
+def test_no_advantage(gain, expected):
+    a, b = over_time([20 + gain, 30, 0], [0] * 3), over_time([20, 30, 60], [0] * 3)
+    claim = no_advantage("GVT", a, "DDQN", b, 1_000)
     assert claim.verdict == expected
     assert f"first 1,000 iterations: {gain / 2:.3f}" in claim.evidence
 

@@ -1,7 +1,5 @@
 """Exponentials of differences: exact where they count, zero where a sum would lose them."""
 
-import math
-
 import pytest
 import torch
 from hypothesis import given, settings

@@ -300,6 +300,17 @@ def learns_faster(first: str, a: Returns, second: str, b: Returns, until: int) -
     )
 
 
+def no_advantage(first: str, a: Returns, second: str, b: Returns, until: int) -> Claim:
+    """Averaged until an iteration, the learning return is not clearly higher, paired by run."""
+    early = a.iterations <= until
+    gain = difference_interval(a.learning[:, early].mean(1), b.learning[:, early].mean(1))
+    return Claim(
+        f"{first} has no clear advantage over {second}.",
+        verdict([bool(gain.low <= 0)]),
+        f"{first} minus {second}, averaged over the first {until:,} iterations: {_interval(gain)}.",
+    )
+
+
 def little_jump_start(first: str, a: Returns, second: str, b: Returns) -> Claim:
     """Early on, one algorithm leads by less than 10% of the optimum's size."""
     lead = _mean(a.at(EARLY)) - _mean(b.at(EARLY))

@@ -120,7 +120,9 @@ def solve(
     greedy = torch.full_like(optimum, -torch.inf)
     trained = torch.zeros(len(sources), dtype=torch.int64)
     solved = torch.zeros(len(sources), dtype=torch.bool)
-    training.advance(pool.iterations)
+    while training.steps < pool.iterations:
+        training.advance(min(pool.check_every, pool.iterations - training.steps))
+        progress(training.steps)
     while True:
         returns = training.greedy_return.episodes(training.agent.mu)
         earned = returns.mean(1)
@@ -131,10 +133,10 @@ def solve(
         greedy[better] = earned[better]
         trained[better] = training.steps
         solved |= passed
-        progress(training.steps)
         if solved.all() or training.steps >= pool.limit:
             break
         training.advance(pool.check_every)
+        progress(training.steps)
     return {
         "index": np.array(sources),
         **parameters(pool.family, training.tasks),

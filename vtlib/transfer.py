@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import ClassVar
 
 import torch
 from torch import Tensor
@@ -61,6 +62,7 @@ class Settings:
     sigma_min: float = 1e-4
     init: str = "sources"
     act: str = "step"
+    patience: ClassVar[int] = 0
 
     def __post_init__(self) -> None:
         check_psi(self.psi)
@@ -85,6 +87,13 @@ class Settings:
                 raise ValueError(f"{name} must be one of {allowed}, got {getattr(self, name)!r}")
         if self.family == "gaussian" and self.components != 1:
             raise ValueError(f"a gaussian posterior has 1 component, got {self.components}")
+
+
+@dataclass(frozen=True)
+class PatientSettings(Settings):
+    """Settings of an agent that only acts and remembers for the first ``patience`` iterations."""
+
+    patience: int = 500
 
 
 class VariationalTransfer:
@@ -144,6 +153,12 @@ class VariationalTransfer:
         self._buffer.add(transition)
         self._steps += 1
         batch = self._buffer.sample(self._replay.uniform(s.batch))
+        if self._steps > s.patience:
+            self._descend(batch)
+        self._sample()
+
+    def _descend(self, batch: Transition) -> None:
+        s = self._settings
         kl_weight = s.lambda_ / self._steps
         runs, components, d = self.mu.shape
         weights = self._samples[:, :, 1:].reshape(runs, components * s.weights, d)
@@ -156,7 +171,6 @@ class VariationalTransfer:
         self._factors.step(
             gradients.flatten(0, 1), self._z[:, 1:], kl_weight=kl_weight / components
         )
-        self._sample()
 
     def _kl_gradient(self) -> Tensor:
         if self._settings.family == "mixture":

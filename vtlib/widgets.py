@@ -29,9 +29,12 @@ class Axis:
     start: int
 
 
-def parameter_axes(base: Settings) -> list[Axis]:
-    """Sliders over the stored grid around the thesis' setting, which they start at."""
-    lambdas = slider_lambdas(base)
+def parameter_axes(base: Settings, lambdas: Sequence[float] | None = None) -> list[Axis]:
+    """Sliders over the stored grid around the thesis' setting, which they start at.
+
+    lambdas: those of the grid, ``slider_lambdas`` if none are given.
+    """
+    lambdas = lambdas or slider_lambdas(base)
     return [
         Axis(
             r"\(\lambda\)",

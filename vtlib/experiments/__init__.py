@@ -1,5 +1,11 @@
 """The book's experiments: a frozen configuration per figure; what runs, stores, verifies."""
 
+from vtlib.experiments.control import (
+    CARTPOLE,
+    CARTPOLE_COLLAPSE,
+    CARTPOLE_OTHER_SOURCES,
+    CARTPOLE_SLIDERS,
+)
 from vtlib.experiments.experiment import Experiment
 from vtlib.experiments.rooms import (
     ROOMS_CHANGE,
@@ -14,6 +20,10 @@ from vtlib.experiments.rooms import (
 )
 
 __all__ = [
+    "CARTPOLE",
+    "CARTPOLE_COLLAPSE",
+    "CARTPOLE_OTHER_SOURCES",
+    "CARTPOLE_SLIDERS",
     "EXPERIMENTS",
     "POOLS",
     "ROOMS_CHANGE",
@@ -41,6 +51,10 @@ EXPERIMENTS = {
         ROOMS_LIKELIHOOD_SLIDERS,
         ROOMS_LIKELIHOOD_STARTS,
         ROOMS_SOURCES,
+        CARTPOLE,
+        CARTPOLE_SLIDERS,
+        *CARTPOLE_OTHER_SOURCES.values(),
+        CARTPOLE_COLLAPSE,
     )
 }
 POOLS = {e.pool.name: e.pool for e in EXPERIMENTS.values()}

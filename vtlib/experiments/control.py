@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import asdict, replace
 
 from vtlib.baselines import DDQNSettings, MellowTDSettings
 from vtlib.envs.cartpole import CartpoleFamily
 from vtlib.envs.mountain_car import MountainCarFamily
-from vtlib.experiments.experiment import ITERATIONS, Experiment
+from vtlib.experiments.experiment import ITERATIONS, Experiment, slider_lambdas, sliders_of
 from vtlib.sources import NetworkPool
-from vtlib.transfer import Settings
+from vtlib.transfer import PatientSettings, Settings
 
 CARTPOLE_DDQN = DDQNSettings(epsilon_steps=int(0.35 * ITERATIONS), batch=150)
 CARTPOLE_GVT = Settings(family="gaussian", lambda_=1e-3, batch=500, weights=5, alpha_L=1e-4)
@@ -34,6 +34,39 @@ CARTPOLE = Experiment(
         "GVT": CARTPOLE_GVT,
         "1-MGVT": CARTPOLE_MGVT,
         "DDQN": CARTPOLE_DDQN,
+    },
+)
+CARTPOLE_SLIDERS = sliders_of(CARTPOLE, "cartpole-sliders", 10, 1_000)
+
+# The same cartpoles solved otherwise: by another algorithm, or each from weights of its own.
+SOURCES_DDQN = replace(CARTPOLE_DDQN, epsilon_steps=int(0.35 * CARTPOLES.iterations))
+OTHER_CARTPOLES = {
+    "mellow-separate": replace(CARTPOLES, common=False),
+    "ddqn-common": replace(CARTPOLES, settings=SOURCES_DDQN),
+    # some of these never balance often enough; they count as they are
+    "ddqn-separate": replace(CARTPOLES, settings=SOURCES_DDQN, common=False, limit=20_000),
+}
+CARTPOLE_OTHER_SOURCES = {
+    key: replace(
+        CARTPOLE,
+        name=f"cartpole-{key}",
+        pool=replace(pool, name=f"cartpole-sources-{key}", twin=CARTPOLES.name),
+        algorithms={"GVT": CARTPOLE_GVT, "1-MGVT": CARTPOLE_MGVT},
+        iterations=2_000,
+    )
+    for key, pool in OTHER_CARTPOLES.items()
+}
+
+# What may be behind the collapse with DDQN's sources, one suspect at a time.
+CARTPOLE_COLLAPSE = replace(
+    CARTPOLE_OTHER_SOURCES["ddqn-common"],
+    name="cartpole-collapse",
+    algorithms={
+        "hard maximum": replace(CARTPOLE_MGVT, kappa=1e4),
+        "semi-gradient": replace(CARTPOLE_MGVT, psi=0.0),
+        "full gradient": replace(CARTPOLE_MGVT, psi=1.0),
+        "small steps": replace(CARTPOLE_MGVT, alpha_mu=1e-4),
+        "buffer filled first": PatientSettings(**asdict(CARTPOLE_MGVT)),
     },
 )
 
@@ -61,3 +94,5 @@ CAR = Experiment(
         "DDQN": DDQNSettings(epsilon_steps=int(0.15 * ITERATIONS), batch=32),
     },
 )
+CAR_LAMBDAS = slider_lambdas(CAR_MGVT)[::2]  # fewer than elsewhere: these are the longest runs
+CAR_SLIDERS = sliders_of(CAR, "mountain-car-sliders", 10, 2_000, CAR_LAMBDAS)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from vtlib.baselines import DDQNSettings, MellowTDSettings
@@ -79,8 +79,17 @@ def slider_name(lambda_: float, psi: float, components: int) -> str:
     return f"{components}-MGVT-lambda-{lambda_:.0e}-psi-{psi:g}"
 
 
-def sliders_of(experiment: Experiment, name: str, runs: int, iterations: int) -> Experiment:
-    """The settings of the sliders around 1-MGVT, on an experiment's first runs or tasks."""
+def sliders_of(
+    experiment: Experiment,
+    name: str,
+    runs: int,
+    iterations: int,
+    lambdas: Sequence[float] | None = None,
+) -> Experiment:
+    """The settings of the sliders around 1-MGVT, on an experiment's first runs or tasks.
+
+    lambdas: those of the slider, ``slider_lambdas`` if none are given.
+    """
     base = experiment.algorithms["1-MGVT"]
     return replace(
         experiment,
@@ -88,7 +97,7 @@ def sliders_of(experiment: Experiment, name: str, runs: int, iterations: int) ->
         algorithms={
             slider_name(lambda_, psi, c): replace(base, lambda_=lambda_, psi=psi, components=c)
             for c in reversed(COMPONENTS)
-            for lambda_ in slider_lambdas(base)
+            for lambda_ in lambdas or slider_lambdas(base)
             for psi in PSIS
         },
         runs=runs,
