@@ -1,4 +1,4 @@
-"""The fast update of the Cholesky factors against a slow dense one that inverts L at each step."""
+"""The fast updates of the Cholesky factors against a slow one that inverts L at each step."""
 
 from __future__ import annotations
 
@@ -6,12 +6,21 @@ import pytest
 import torch
 from torch import Tensor
 
+from vtlib import factor_deferred
 from vtlib.factor import PANELS, CholeskyFactors
+from vtlib.factor_deferred import DeferredFactors
 from vtlib.gaussian import Precision, low_rank_precision, sources_mean_and_spread
 
 STEPS = 500
 SIZES = [1, 2, PANELS - 1, PANELS, PANELS + 1, 10, 23]
 ALPHA, KL_WEIGHT = 0.05, 0.02
+
+
+@pytest.fixture(params=[CholeskyFactors, DeferredFactors])
+def factors(request, monkeypatch):
+    """Either implementation; the diagonal blocks are narrow, so that small L have several."""
+    monkeypatch.setattr(factor_deferred, "PANEL", 3)
+    return request.param
 
 
 class Dense:
@@ -61,11 +70,11 @@ def inputs(members: int, d: int, scale: float, step: int) -> tuple[Tensor, Tenso
 
 
 def compare(
-    kind: str, d: int, *, scale: float, sigma_min: float, clip: float, members: int = 3
+    factors, kind: str, d: int, *, scale: float, sigma_min: float, clip: float, members: int = 3
 ) -> Dense:
     """Drive both through the same steps, compare them all the way, and return the dense one."""
     precision, matrix = prior(kind, members, d)
-    fast = CholeskyFactors(start(members, d), precision, ALPHA, sigma_min, clip)
+    fast = factors(start(members, d), precision, ALPHA, sigma_min, clip)
     slow = Dense(start(members, d), matrix, sigma_min, clip)
     for t in range(STEPS):
         gradients, noise = inputs(members, d, scale, t)
@@ -82,31 +91,31 @@ def compare(
 
 @pytest.mark.parametrize("kind", ["isotropic", "low rank"])
 @pytest.mark.parametrize("d", SIZES)
-def test_steps_equal_the_dense_update(kind, d):
-    slow = compare(kind, d, scale=0.02, sigma_min=1e-4, clip=1000.0)
+def test_steps_equal_the_dense_update(factors, kind, d):
+    slow = compare(factors, kind, d, scale=0.02, sigma_min=1e-4, clip=1000.0)
     assert slow.clipped == 0
 
 
 @pytest.mark.parametrize("kind", ["isotropic", "low rank"])
 @pytest.mark.parametrize("d", [1, PANELS - 1, 10])
-def test_steps_equal_the_dense_update_where_the_diagonal_is_held(kind, d):
-    slow = compare(kind, d, scale=0.3, sigma_min=0.1, clip=1000.0)
+def test_steps_equal_the_dense_update_where_the_diagonal_is_held(factors, kind, d):
+    slow = compare(factors, kind, d, scale=0.3, sigma_min=0.1, clip=1000.0)
     assert slow.clamped >= 10
 
 
 @pytest.mark.parametrize("kind", ["isotropic", "low rank"])
 @pytest.mark.parametrize("d", [1, PANELS - 1, 10])
 @pytest.mark.parametrize("clip", [0.5, 2.0])
-def test_steps_equal_the_dense_update_where_clipping_binds(kind, d, clip):
-    slow = compare(kind, d, scale=0.1, sigma_min=0.05, clip=clip)
+def test_steps_equal_the_dense_update_where_clipping_binds(factors, kind, d, clip):
+    slow = compare(factors, kind, d, scale=0.1, sigma_min=0.05, clip=clip)
     assert 0 < slow.clipped < STEPS
 
 
 @pytest.mark.parametrize("kind", ["isotropic", "low rank"])
-def test_a_factor_that_has_grown_is_clipped(kind):
+def test_a_factor_that_has_grown_is_clipped(factors, kind):
     # the pull of the KL, harmless at the start, exceeds the clip once the entries are large
     precision, matrix = prior(kind, 1, 2)
-    fast = CholeskyFactors(start(1, 2), precision, ALPHA, sigma_min=0.5, clip=20.0)
+    fast = factors(start(1, 2), precision, ALPHA, sigma_min=0.5, clip=20.0)
     slow = Dense(start(1, 2), matrix, sigma_min=0.5, clip=20.0)
     noise = torch.eye(2).unsqueeze(0)
     for t in range(52):
@@ -117,11 +126,11 @@ def test_a_factor_that_has_grown_is_clipped(kind):
         torch.testing.assert_close(fast.L.double(), slow.L, rtol=0, atol=1e-4)
 
 
-def test_a_start_below_sigma_min_is_lifted_to_it():
+def test_a_start_below_sigma_min_is_lifted_to_it(factors):
     # the bounds that decide about clipping rest on 1 / L_ii being at most 1 / sigma_min
     precision, matrix = prior("isotropic", 1, 4)
     L = 1e-4 * torch.eye(4).expand(1, 4, 4)
-    fast = CholeskyFactors(L.clone(), precision, ALPHA, sigma_min=0.1, clip=10.0)
+    fast = factors(L.clone(), precision, ALPHA, sigma_min=0.1, clip=10.0)
     slow = Dense(L, matrix, sigma_min=0.1, clip=10.0)
     nothing = torch.zeros(1, 2, 4)
     for _ in range(2):
@@ -131,21 +140,23 @@ def test_a_start_below_sigma_min_is_lifted_to_it():
 
 
 @pytest.mark.parametrize("d", SIZES)
-def test_times_is_the_product_with_the_factor(d):
+def test_product_is_with_the_factor(factors, d):
     L = start(3, d)
-    factors = CholeskyFactors(L.clone(), Precision(1.0), ALPHA, 1e-4, 1000.0)
-    noise = torch.randn(3, 5, d, generator=torch.Generator().manual_seed(0))
-    expected = torch.einsum("mij,mkj->mki", L.double(), noise.double())
-    torch.testing.assert_close(factors.times(noise).double(), expected, rtol=0, atol=1e-5)
+    member = factors(L.clone(), Precision(1.0), ALPHA, 1e-4, 1000.0)
+    noise = torch.randn(member.ahead, 3, 5, d, generator=torch.Generator().manual_seed(0))
+    member.look_ahead(noise)
+    for at in range(member.ahead):
+        expected = torch.einsum("mij,mkj->mki", L.double(), noise[at].double())
+        torch.testing.assert_close(member.product(at).double(), expected, rtol=0, atol=1e-5)
 
 
 @pytest.mark.parametrize("kind", ["isotropic", "low rank"])
-def test_members_do_not_feel_each_other(kind):
+def test_members_do_not_feel_each_other(factors, kind):
     members, d, chosen = 4, 10, 2
     precision, _ = prior(kind, members, d)
     W = None if precision.W is None else precision.W[chosen : chosen + 1]
-    together = CholeskyFactors(start(members, d), precision, ALPHA, 1e-4, 3.0)
-    alone = CholeskyFactors(
+    together = factors(start(members, d), precision, ALPHA, 1e-4, 3.0)
+    alone = factors(
         start(members, d)[chosen : chosen + 1].clone(),
         Precision(precision.scale, W),
         ALPHA,
@@ -161,13 +172,13 @@ def test_members_do_not_feel_each_other(kind):
     torch.testing.assert_close(together.L[chosen], alone.L[0], rtol=0, atol=1e-6)
 
 
-def test_the_kl_alone_leads_to_the_prior():
+def test_the_kl_alone_leads_to_the_prior(factors):
     precision, matrix = prior("low rank", 2, 5)
-    factors = CholeskyFactors(start(2, 5), precision, ALPHA, 1e-4, 1000.0)
+    member = factors(start(2, 5), precision, ALPHA, 1e-4, 1000.0)
     nothing = torch.zeros(2, 1, 5)
     for _ in range(3000):
-        factors.step(nothing, nothing, kl_weight=0.5)
-    covariance = (factors.L @ factors.L.mT).double()
+        member.step(nothing, nothing, kl_weight=0.5)
+    covariance = (member.L @ member.L.mT).double()
     torch.testing.assert_close(
         covariance @ matrix, torch.eye(5).double().expand(2, 5, 5), rtol=0, atol=1e-3
     )

@@ -228,7 +228,8 @@ def test_gradient_steps_land_on_the_conjugate_posterior(kind):
     adam = torch.optim.Adam([mu], lr=0.01)
     decay = torch.optim.lr_scheduler.ExponentialLR(adam, 0.995)
     for _ in range(1500):
-        w = mu.unsqueeze(1) + factors.times(noise)
+        factors.look_ahead(noise.unsqueeze(0))
+        w = mu.unsqueeze(1) + factors.product(0)
         gradients = td_gradients(case.q, w, case.data, 0.5, 0.99, 100.0) / noise.shape[1]
         q = Gaussian(mu, factors.L)
         mu.grad = gradients.sum(1) + temperature * kl_gradients(q, mu_p, precision)[0]
@@ -362,6 +363,54 @@ def test_a_gaussian_starts_at_the_minimiser_which_is_the_prior():
 def test_each_family_has_its_own_other_start(family, init):
     with pytest.raises(ValueError, match="init must be one of"):
         Settings(family=family, init=init)
+
+
+def test_without_correlations_a_gaussian_starts_at_the_minimiser_among_its_like():
+    sources = draw(2, 5, 4)
+    settings = Settings(family="gaussian", covariance="diagonal")
+    posterior, precision = initial_posterior(sources, settings)
+    assert torch.equal(posterior.L, torch.diag_embed(posterior.L.diagonal(dim1=-2, dim2=-1)))
+    # there the gradient of the KL with respect to each deviation vanishes
+    dense = precision.times(torch.eye(4).expand(2, 4, 4))
+    pull = dense.diagonal(dim1=1, dim2=2) * posterior.L[:, 0].diagonal(dim1=1, dim2=2).square()
+    torch.testing.assert_close(pull, torch.ones(2, 4), rtol=0, atol=1e-3)
+    torch.testing.assert_close(posterior.mu[:, 0], sources.mean(1))
+
+
+@pytest.mark.parametrize("family", ["gaussian", "mixture"])
+def test_a_diagonal_posterior_stays_diagonal_while_it_learns(family):
+    q = Linear(2, 3)
+    settings = Settings(family=family, covariance="diagonal", batch=5)
+    agent = VariationalTransfer(q, draw(2, 4, 6), 2, settings, *streams([0, 1]))
+    before = agent.L.clone()
+    agent.learn(Transition(*(part[:, 0] for part in transitions(2, 1, q))))
+    assert torch.equal(agent.L, torch.diag_embed(agent.L.diagonal(dim1=-2, dim2=-1)))
+    assert not torch.equal(agent.L, before)
+
+
+def test_a_diagonal_posterior_has_no_span_to_start_in():
+    with pytest.raises(ValueError, match="cannot start within the span"):
+        Settings(family="gaussian", init="span", covariance="diagonal")
+    with pytest.raises(ValueError, match="covariance must be one of"):
+        Settings(covariance="banded")
+
+
+def test_large_posteriors_learn_as_small_ones_do(monkeypatch):
+    q, runs = Linear(2, 3), [0, 1]
+
+    def learned(large: int) -> VariationalTransfer:
+        monkeypatch.setattr(transfer, "LARGE", large)
+        # with one weight a draw for all iterations ahead holds the numbers of single draws
+        agent = VariationalTransfer(q, draw(2, 4, 6), 2, Settings(batch=5), *streams(runs))
+        for t in range(20):
+            agent.act(torch.zeros(2, 2), torch.ones(2, dtype=torch.bool))
+            agent.learn(Transition(*(part[:, t] for part in transitions(2, 20, q))))
+        return agent
+
+    small, large = learned(7), learned(6)
+    assert type(small._factors) is not type(large._factors)
+    torch.testing.assert_close(large.mu, small.mu, rtol=0, atol=1e-5)
+    torch.testing.assert_close(large.L, small.L, rtol=0, atol=1e-5)
 
 
 @pytest.mark.parametrize("family", ["gaussian", "mixture"])

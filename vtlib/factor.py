@@ -19,8 +19,10 @@ class CholeskyFactors:
     the gradient clipped elementwise to +-clip and then diag(L) held at sigma_min or more. The given
     L is taken over and changed in place. The TD part is a sum of n outer products and the precision
     is a multiple of the identity minus few columns, so a step needs neither an inverse nor a
-    product of two d x d matrices.
+    product of two d x d matrices. ``ahead`` tells how many draws ``look_ahead`` takes.
     """
+
+    ahead = 1
 
     def __init__(
         self, L: Tensor, precision: Precision, alpha: float, sigma_min: float, clip: float
@@ -34,8 +36,13 @@ class CholeskyFactors:
         self._panels = list(pairwise(edges))
         self._largest = self._largest_entry()
 
-    def times(self, noise: Tensor) -> Tensor:
-        """L z for each z of noise (M, k, d), as (M, k, d)."""
+    def look_ahead(self, noise: Tensor) -> None:
+        """Make ready for ``product`` with noise (1, M, k, d)."""
+        self._noise = noise
+
+    def product(self, at: int) -> Tensor:
+        """L z (M, k, d) with the present L, for the draw ``at`` of the last ``look_ahead``."""
+        noise = self._noise[at]
         parts = [
             torch.bmm(noise[:, :, :end], self.L[:, start:end, :end].transpose(1, 2))
             for start, end in self._panels

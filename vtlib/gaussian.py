@@ -27,6 +27,12 @@ class Precision(NamedTuple):
             return self.scale * x
         return self.scale * (x - self.W @ (self.W.transpose(-1, -2) @ x))
 
+    def diagonal(self, d: int) -> Tensor:
+        """The diagonal, (..., d)."""
+        if self.W is None:
+            return torch.full((d,), self.scale)
+        return self.scale * (1 - self.W.square().sum(-1))
+
 
 def sources_mean_and_spread(sources: Tensor) -> tuple[Tensor, Tensor]:
     """Mean mu_p (..., d) of eq. 5.5, and B (..., d, S) with B B^T the covariance of eq. 5.6.

@@ -14,6 +14,8 @@ import torch
 from torch import Tensor
 
 from vtlib.factor import CholeskyFactors
+from vtlib.factor_deferred import DeferredFactors
+from vtlib.factor_diagonal import DiagonalFactors
 from vtlib.gaussian import (
     Gaussian,
     Precision,
@@ -30,6 +32,7 @@ from vtlib.streams import Stream
 CLIP = 1000.0  # elementwise bound on every gradient
 PRIOR_JITTER = 1e-4  # added to the covariance of the Gaussian prior, so that it has an inverse
 CACHED = 1 << 20  # floats that may be in work at a time
+LARGE = 1000  # weights from which on it pays to put off most of the update of L
 SPAN_JITTER = 1e-8  # the same for a posterior that starts within the span of the sources
 
 
@@ -43,8 +46,9 @@ class Settings:
     variance of the prior's components. sigma_min: least value on the diagonal of L. init: where the
     posterior starts: "sources" is the minimiser of the KL (the prior, or C different sources); a
     mixture may start with all components at their "mean", a Gaussian within their "span" (no
-    variance but the sample's). act: draw weights at every "step" or once an "episode". Raises
-    ValueError for a value outside its range.
+    variance but the sample's). act: draw weights at every "step" or once an "episode". covariance:
+    "full", or "diagonal" for weights without correlations. Raises ValueError for a value outside
+    its range.
     """
 
     family: str = "mixture"
@@ -62,6 +66,7 @@ class Settings:
     sigma_min: float = 1e-4
     init: str = "sources"
     act: str = "step"
+    covariance: str = "full"
     patience: ClassVar[int] = 0
 
     def __post_init__(self) -> None:
@@ -82,11 +87,14 @@ class Settings:
             ("family", ("gaussian", "mixture")),
             ("init", ("sources", "span" if self.family == "gaussian" else "mean")),
             ("act", ("step", "episode")),
+            ("covariance", ("full", "diagonal")),
         ):
             if getattr(self, name) not in allowed:
                 raise ValueError(f"{name} must be one of {allowed}, got {getattr(self, name)!r}")
         if self.family == "gaussian" and self.components != 1:
             raise ValueError(f"a gaussian posterior has 1 component, got {self.components}")
+        if self.covariance == "diagonal" and self.init == "span":
+            raise ValueError("a diagonal posterior cannot start within the span of the sources")
 
 
 @dataclass(frozen=True)
@@ -121,7 +129,7 @@ class VariationalTransfer:
         posterior, precision = initial_posterior(sources, settings)
         self.mu = posterior.mu
         self._prior_mean, self._precision = sources.mean(1, keepdim=True), precision
-        self._factors = CholeskyFactors(
+        self._factors = _factors_of(settings, q.d)(
             posterior.L.flatten(0, 1), precision, settings.alpha_L, settings.sigma_min, CLIP
         )
         self._adam = torch.optim.Adam([self.mu], lr=settings.alpha_mu, fused=True)
@@ -180,10 +188,15 @@ class VariationalTransfer:
     def _sample(self) -> None:
         """Draw w = mu + L z: one to act with and ``weights`` for the gradient, per component."""
         runs, components, d = self.mu.shape
-        count = self._settings.weights + 1
-        noise = self._noise.normal(components * count * d)
-        self._z = noise.view(runs * components, count, d)
-        self._samples = self._factors.times(self._z).view(runs, components, count, d)
+        count, ahead = self._settings.weights + 1, self._factors.ahead
+        at = self._steps % ahead
+        if at == 0:
+            noise = self._noise.normal(ahead * components * count * d)
+            noise = noise.view(runs, ahead, components, count, d).transpose(0, 1)
+            self._noise_ahead = noise.flatten(1, 2)
+            self._factors.look_ahead(self._noise_ahead)
+        self._z = self._noise_ahead[at]
+        self._samples = self._factors.product(at).view(runs, components, count, d)
         self._samples += self.mu.unsqueeze(2)
 
     def _thompson(self) -> Tensor:
@@ -194,6 +207,14 @@ class VariationalTransfer:
             return draws
         index = (self._component.uniform(1) * components).long().clamp_(max=components - 1)
         return draws.gather(1, index.unsqueeze(-1).expand(-1, -1, d))
+
+
+def _factors_of(
+    settings: Settings, d: int
+) -> type[CholeskyFactors | DeferredFactors | DiagonalFactors]:
+    if settings.covariance == "diagonal":
+        return DiagonalFactors
+    return DeferredFactors if d >= LARGE else CholeskyFactors
 
 
 def td_gradients(
@@ -238,15 +259,19 @@ def _td_gradients(
 def initial_posterior(sources: Tensor, settings: Settings) -> tuple[Gaussian, Precision]:
     """The posterior's start, mu (R, C, d) and L (R, C, d, d), and the prior's precision.
 
-    The minimiser of the KL is the prior itself for a Gaussian (eqs. 5.5 and 5.6), and C different
+    The minimiser of the KL is the prior itself for a Gaussian (eqs. 5.5 and 5.6), or, without
+    correlations, the Gaussian of its mean and the diagonal of its precision; and C different
     sources with the prior's variance for a mixture (eq. 5.13).
     """
     runs, count, d = sources.shape
     if settings.family == "gaussian":
         mu, spread = sources_mean_and_spread(sources)
-        jitter = SPAN_JITTER if settings.init == "span" else PRIOR_JITTER
-        factor = covariance_factor(spread, jitter)
         precision = low_rank_precision(spread, PRIOR_JITTER)
+        if settings.covariance == "diagonal":
+            factor = torch.diag_embed(precision.diagonal(d).rsqrt())
+        else:
+            jitter = SPAN_JITTER if settings.init == "span" else PRIOR_JITTER
+            factor = covariance_factor(spread, jitter)
         return Gaussian(mu.unsqueeze(1).contiguous(), factor.unsqueeze(1)), precision
     components = settings.components
     if settings.init == "sources":

@@ -9,6 +9,7 @@ at any moment, the same call goes on with the units that are missing.
 from __future__ import annotations
 
 import json
+import math
 import multiprocessing
 import os
 import shutil
@@ -30,7 +31,7 @@ from vtlib.experiments.experiment import Experiment
 from vtlib.sources import Pool, solve
 
 BATCH = 10  # runs that advance together; fixed, so that results never depend on the processes
-SOURCE_BATCH = 25
+SOURCE_BATCH = 25  # at most: a small pool is cut in two, for two cores
 PARTS = "parts"
 
 
@@ -56,7 +57,8 @@ class Unit:
 
 def source_units(pool: Pool) -> list[Unit]:
     """The units that solve a pool."""
-    return [Unit(pool.name, "sources", part) for part in _chunks(pool.count, SOURCE_BATCH)]
+    size = min(SOURCE_BATCH, math.ceil(pool.count / 2))
+    return [Unit(pool.name, "sources", part) for part in _chunks(pool.count, size)]
 
 
 def run_units(experiment: Experiment) -> list[Unit]:
@@ -252,6 +254,8 @@ def config_of(owner: str, label: str) -> dict:
         "family": asdict(experiment.family),
         "stream": experiment.stream,
     }
+    if experiment.excluded:
+        config["excluded"] = experiment.excluded
     if experiment.runs_per_task > 1:
         config["runs_per_task"] = experiment.runs_per_task
     if label in experiment.algorithms:
@@ -259,6 +263,9 @@ def config_of(owner: str, label: str) -> dict:
         config["iterations"] = experiment.iterations
         config["every"] = experiment.every
         config["algorithm"] = asdict(experiment.algorithms[label])
+        if config["algorithm"].get("covariance") == "full":
+            # as it was before there was a choice, so that what was stored then stays valid
+            del config["algorithm"]["covariance"]
     return _plain(config)
 
 
