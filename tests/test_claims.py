@@ -23,6 +23,7 @@ from vtlib.claims import (
     falls_with,
     gap_closes,
     gathers_at_door,
+    in_task,
     learns_faster,
     little_jump_start,
     moves_early,
@@ -33,9 +34,11 @@ from vtlib.claims import (
     only_beginning,
     optimal_by,
     optimal_for_all,
+    optimal_only_with,
     solves_most,
     starts_near_optimum,
     table,
+    transfers_negatively,
     verdict,
     worse_and_wider,
 )
@@ -488,6 +491,40 @@ def test_no_advantage(gain, expected):
 def test_little_jump_start(start, expected):
     a, b = (over_time([x, -50], [0] * 2, -50.0) for x in (start, -79.0))
     assert little_jump_start("1-MGVT", a, "DDQN", b).verdict == expected
+
+
+@pytest.mark.parametrize(
+    ("learning", "greedy", "expected"),
+    [(-0.1, -0.1, REPRODUCED), (-0.1, 0.0, PARTLY), (0.0, -0.1, PARTLY), (0.1, 0.1, NOT)],
+)
+def test_transfers_negatively(learning, greedy, expected):
+    a, b = over_time([0.9, 0.4 + learning], [0.9, 0.4 + greedy]), over_time([0, 0.4], [0, 0.4])
+    claim = transfers_negatively("GVT", a, "DDQN", b)
+    assert claim.verdict == expected
+    assert f"at 1,000 iterations: {learning:.3f}" in claim.evidence
+
+
+@pytest.mark.parametrize(
+    ("transfer", "alone", "expected"),
+    [
+        ([0.8, 0.2], [0.6, 0.2], REPRODUCED),
+        ([0.8, 0.8], [0.8, 0.8], NOT),
+        ([0.6, 0.6], [0.2, 0.2], NOT),
+    ],
+)
+def test_optimal_only_with(transfer, alone, expected):
+    a, b = (
+        {f"maze {i}": over_time([0, 0], [0, end], 0.8) for i, end in enumerate(ends)}
+        for ends in (transfer, alone)
+    )
+    claim = optimal_only_with("1-MGVT", a, "DDQN", b)
+    assert claim.verdict == expected
+    assert f"maze 0 {transfer[0] / 0.8:.0%} against {alone[0] / 0.8:.0%}" in claim.evidence
+
+
+def test_a_claim_about_one_task_names_it():
+    claim = in_task("north-east 3", Claim("GVT fails.", NOT, "0.1"))
+    assert claim == Claim("In north-east 3: GVT fails.", NOT, "0.1")
 
 
 # Claims on stored runs as they are, and with what they are about exchanged.

@@ -15,13 +15,14 @@ from vtlib.domains import (
     parameters,
 )
 from vtlib.envs.cartpole import CartpoleFamily
+from vtlib.envs.maze import MazeFamily
 from vtlib.envs.mountain_car import MountainCarFamily
 from vtlib.envs.rooms import RoomsFamily
 
-FAMILIES = (RoomsFamily(), CartpoleFamily(), MountainCarFamily())
+FAMILIES = (RoomsFamily(), CartpoleFamily(), MountainCarFamily(), MazeFamily())
 
 
-@pytest.mark.parametrize(("family", "d"), list(zip(FAMILIES, (484, 226, 387), strict=True)))
+@pytest.mark.parametrize(("family", "d"), list(zip(FAMILIES, (484, 226, 387, 1891), strict=True)))
 def test_q_functions_have_the_thesis_numbers_of_weights(family, d):
     assert domain(family).q().d == d
     assert first_weights(family, "t", [0, 3]).shape == (2, d)
@@ -32,8 +33,8 @@ def test_tasks_are_told_apart_by_their_parameters(family):
     tasks = family.sample(np.random.default_rng(0), 3)
     values = parameters(family, tasks)
     assert values.keys() == set(DOMAINS[type(family)].parameters)
-    for array in values.values():
-        assert len(np.unique(array.reshape(3, -1), axis=0)) == 3
+    rows = np.concatenate([array.reshape(3, -1) for array in values.values()], 1)
+    assert len(np.unique(rows, axis=0)) == 3
 
 
 def test_first_weights_are_a_runs_own_and_zero_for_linear_values():

@@ -14,8 +14,18 @@ from vtlib import sources
 from vtlib.baselines import MellowTDSettings
 from vtlib.domains import DOMAINS, rooms_q
 from vtlib.envs.cartpole import CartpoleFamily
+from vtlib.envs.maze import MazeFamily, Mazes
 from vtlib.envs.rooms import Rooms, RoomsFamily
-from vtlib.sources import NetworkPool, Pool, SourceTraining, draw_tasks, head, pool_tasks, solve
+from vtlib.sources import (
+    MazePool,
+    NetworkPool,
+    Pool,
+    SourceTraining,
+    draw_tasks,
+    head,
+    pool_tasks,
+    solve,
+)
 from vtlib.training import Diverged
 
 TINY = Pool(
@@ -206,3 +216,23 @@ def test_a_twin_has_the_tasks_and_the_random_numbers_of_the_pool_it_names():
 def test_the_rooms_have_484_weights():
     q = rooms_q()
     assert (q.d, q.n_actions) == (484, Rooms.n_actions)
+
+
+def test_a_maze_pool_has_the_mazes_that_its_family_names():
+    names = ("south-east 2", "north-west 5", "north-east 1")
+    pool = MazePool("mazes", MazeFamily(names), count=3)
+    assert torch.equal(pool_tasks(pool, [2, 0]).walls, Mazes.of([names[2], names[0]]).walls)
+
+
+def test_learning_return_is_over_as_many_episodes_as_the_domain_says(monkeypatch):
+    windows = []
+    real = sources.Episodes
+
+    def spy(tasks, noise, starts, window):
+        windows.append(window)
+        return real(tasks, noise, starts, window)
+
+    monkeypatch.setattr(sources, "Episodes", spy)
+    SourceTraining(TINY, [0])
+    SourceTraining(MazePool("mazes", MazeFamily(("north-east 1",)), count=1), [0])
+    assert windows == [50, 25]

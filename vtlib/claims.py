@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from html import escape
 
 import numpy as np
@@ -323,6 +323,41 @@ def little_jump_start(first: str, a: Returns, second: str, b: Returns) -> Claim:
         verdict([lead < (1 - SOLVED) * size]),
         f"{first} minus {second} at {EARLY:,} iterations: {lead:.2f}; optimum of size {size:.1f}.",
     )
+
+
+def transfers_negatively(first: str, a: Returns, second: str, b: Returns) -> Claim:
+    """At the end both returns are clearly lower than without transfer, paired by run."""
+    end = int(a.iterations[-1])
+    learning = difference_interval(a.at(end), b.at(end))
+    greedy = difference_interval(a.at(end, "greedy"), b.at(end, "greedy"))
+    return Claim(
+        f"{first} fails: it ends below {second}.",
+        verdict([bool(learning.high < 0), bool(greedy.high < 0)]),
+        f"{first} minus {second} at {end:,} iterations: {_interval(learning)} learning, "
+        f"{_interval(greedy)} greedy.",
+    )
+
+
+def optimal_only_with(
+    first: str, a: Mapping[str, Returns], second: str, b: Mapping[str, Returns]
+) -> Claim:
+    """In some tasks the mean greedy return ends at 90% of the optimum, and not without transfer."""
+    ends = {
+        task: [_mean(x.greedy[:, -1]) / _mean(x.optimum) for x in (runs, b[task])]
+        for task, runs in a.items()
+    }
+    passed = [with_ >= SOLVED > without for with_, without in ends.values()]
+    numbers = "; ".join(f"{task} {x:.0%} against {y:.0%}" for task, (x, y) in ends.items())
+    return Claim(
+        f"Some runs of {first} end at the optimum where {second} does not.",
+        verdict([any(passed)]),
+        f"Greedy return at the end, {first} against {second}, of the optimum: {numbers}.",
+    )
+
+
+def in_task(task: str, claim: Claim) -> Claim:
+    """A claim about one task by its name."""
+    return replace(claim, text=f"In {task}: {claim.text}")
 
 
 def table(claims: Sequence[Claim]) -> str:

@@ -11,14 +11,16 @@ from torch import Tensor
 
 from vtlib.envs.cartpole import Cartpole, CartpoleFamily
 from vtlib.envs.episodes import Tasks
+from vtlib.envs.maze import MazeFamily
 from vtlib.envs.mountain_car import MountainCarFamily
 from vtlib.envs.rooms import Rooms, RoomsFamily
 from vtlib.planning import optimal_return
+from vtlib.planning_maze import maze_optimum
 from vtlib.planning_mountain_car import car_optimum
 from vtlib.qfunctions import MLP, QFunction, RBFLinear
 from vtlib.streams import generator
 
-Family = RoomsFamily | CartpoleFamily | MountainCarFamily
+Family = RoomsFamily | CartpoleFamily | MountainCarFamily | MazeFamily
 CART_RETURN = (1 - Cartpole.gamma**Cartpole.horizon) / (1 - Cartpole.gamma)  # of a whole episode
 
 
@@ -31,7 +33,8 @@ class Domain:
     passes: whether greedy returns (R, E) of E episodes, against the optimum (R,), solve each task
     to the required share.
     limits: of the axis of returns in figures.
-    for_sources: the tasks as sources are trained on them.
+    for_sources: the tasks as sources are trained on them. window: how many of the last episodes the
+    learning return is a mean of.
     """
 
     q: Callable[[], QFunction]
@@ -41,6 +44,7 @@ class Domain:
     passes: Callable[[Tensor, Tensor, float], Tensor]
     limits: tuple[float, float]
     for_sources: Callable[[Tasks], Tasks] = lambda tasks: tasks
+    window: int = 50
 
 
 def rooms_q() -> RBFLinear:
@@ -79,6 +83,15 @@ DOMAINS = {
     ),
     MountainCarFamily: Domain(
         lambda: MLP((2, 64, 3)), car_optimum, ("speed",), 0.1, near_optimum, (-90.0, -35.0)
+    ),
+    MazeFamily: Domain(
+        lambda: MLP((22, 32, 32, 3)),
+        maze_optimum,
+        ("walls", "goal"),
+        0.1,
+        near_optimum,
+        (-0.02, 0.9),
+        window=25,
     ),
 }
 

@@ -11,6 +11,7 @@ import torch
 from vtlib.baselines import DDQN, DDQNSettings, MellowTD, MellowTDSettings
 from vtlib.domains import Family, domain, first_weights, parameters
 from vtlib.envs.episodes import Episodes, Tasks
+from vtlib.envs.maze import MazeFamily, Mazes
 from vtlib.evaluation import GreedyReturn
 from vtlib.streams import Stream, generator
 from vtlib.training import FINGERPRINTS, check_finite, fingerprint
@@ -61,8 +62,17 @@ class NetworkPool(Pool):
         return self.twin or self.name
 
 
+@dataclass(frozen=True)
+class MazePool(NetworkPool):
+    """A pool of networks with one source for each maze that the family names, in their order."""
+
+    family: MazeFamily
+
+
 def pool_tasks(pool: Pool, sources: Sequence[int]) -> Tasks:
-    """The tasks of some sources of a pool, each drawn from a generator of its own."""
+    """The tasks of some sources of a pool, each drawn from a generator of its own, or named."""
+    if isinstance(pool, MazePool):
+        return Mazes.of([pool.family.names[i] for i in sources])
     return draw_tasks(pool.family, pool.stream, sources)
 
 
@@ -88,7 +98,7 @@ class SourceTraining:
         streams = stream("exploration"), stream("replay")
         self.agent = learner(q, start, self.tasks.obs_dim, pool.settings, *streams)
         learning = mine.for_sources(self.tasks)
-        self.episodes = Episodes(learning, stream("noise"), stream("start"))
+        self.episodes = Episodes(learning, stream("noise"), stream("start"), mine.window)
         self.greedy_return = GreedyReturn(
             q, self.tasks, stream("test noise"), stream("test start"), pool.episodes
         )

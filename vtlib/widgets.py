@@ -29,10 +29,15 @@ class Axis:
     start: int
 
 
-def parameter_axes(base: Settings, lambdas: Sequence[float] | None = None) -> list[Axis]:
+def parameter_axes(
+    base: Settings,
+    lambdas: Sequence[float] | None = None,
+    psis: Sequence[float] = PSIS,
+    components: Sequence[int] = COMPONENTS,
+) -> list[Axis]:
     """Sliders over the stored grid around the thesis' setting, which they start at.
 
-    lambdas: those of the grid, ``slider_lambdas`` if none are given.
+    lambdas, psis, components: those of the grid; lambdas are ``slider_lambdas`` by default.
     """
     lambdas = lambdas or slider_lambdas(base)
     return [
@@ -45,10 +50,10 @@ def parameter_axes(base: Settings, lambdas: Sequence[float] | None = None) -> li
         Axis(
             r"\(\psi\)",
             "psi, share of the full gradient",
-            [(f"{x:g}", x) for x in PSIS],
-            PSIS.index(base.psi),
+            [(f"{x:g}", x) for x in psis],
+            psis.index(base.psi),
         ),
-        Axis(r"\(C\)", "C, number of components", [(str(x), x) for x in COMPONENTS], 0),
+        Axis(r"\(C\)", "C, number of components", [(str(x), x) for x in components], 0),
     ]
 
 

@@ -22,7 +22,8 @@ class Experiment:
     Returns are recorded ``every`` so many of ``iterations``. Runs are seeded by ``stream``:
     experiments that share it share targets, sources and random numbers run by run. Each
     ``runs_per_task`` consecutive runs have one target. ``counts`` names algorithms that use only
-    the first so many of a run's sources; ``visits`` keeps the positions that the agents visit.
+    the first so many of a run's sources; ``excluded`` are sources that no run may draw; ``visits``
+    keeps the positions that the agents visit.
     """
 
     name: str
@@ -37,12 +38,13 @@ class Experiment:
     runs_per_task: int = 1
     counts: Mapping[str, int] = field(default_factory=dict)
     visits: bool = False
+    excluded: tuple[int, ...] = ()
 
     def __post_init__(self) -> None:
         if not self.algorithms:
             raise ValueError(f"{self.name} has no algorithm")
-        if not 1 <= self.sources <= self.pool.count:
-            raise ValueError(f"sources must lie in 1..{self.pool.count}, got {self.sources}")
+        if not 1 <= self.sources <= len(self.eligible):
+            raise ValueError(f"sources must lie in 1..{len(self.eligible)}, got {self.sources}")
         for label, count in self.counts.items():
             if label not in self.algorithms or not 1 <= count <= self.sources:
                 raise ValueError(
@@ -54,6 +56,11 @@ class Experiment:
             )
         if not self.stream:
             object.__setattr__(self, "stream", self.name)
+
+    @property
+    def eligible(self) -> list[int]:
+        """Indices of the pool's sources that a run may draw."""
+        return [i for i in range(self.pool.count) if i not in self.excluded]
 
     def task_of(self, run: int) -> int:
         """Number of the target task of a run."""
@@ -85,10 +92,12 @@ def sliders_of(
     runs: int,
     iterations: int,
     lambdas: Sequence[float] | None = None,
+    psis: Sequence[float] = PSIS,
+    components: Sequence[int] = COMPONENTS,
 ) -> Experiment:
     """The settings of the sliders around 1-MGVT, on an experiment's first runs or tasks.
 
-    lambdas: those of the slider, ``slider_lambdas`` if none are given.
+    lambdas, psis, components: those of the sliders; lambdas are ``slider_lambdas`` by default.
     """
     base = experiment.algorithms["1-MGVT"]
     return replace(
@@ -96,9 +105,9 @@ def sliders_of(
         name=name,
         algorithms={
             slider_name(lambda_, psi, c): replace(base, lambda_=lambda_, psi=psi, components=c)
-            for c in reversed(COMPONENTS)
+            for c in reversed(components)
             for lambda_ in lambdas or slider_lambdas(base)
-            for psi in PSIS
+            for psi in psis
         },
         runs=runs,
         iterations=iterations,

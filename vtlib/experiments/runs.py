@@ -55,7 +55,7 @@ def chosen_sources(experiment: Experiment, runs: Sequence[int]) -> np.ndarray:
     return np.stack(
         [
             generator(experiment.stream, run, "sources").choice(
-                experiment.pool.count, experiment.sources, replace=False
+                experiment.eligible, experiment.sources, replace=False
             )
             for run in runs
         ]
@@ -95,7 +95,7 @@ def prepare(
     kind = RecordedEpisodes if experiment.visits else Episodes
     return Batch(
         agent,
-        kind(tasks, stream("noise"), stream("start")),
+        kind(tasks, stream("noise"), stream("start"), domain(experiment.family).window),
         GreedyReturn(q, tasks, stream("test noise"), stream("test start"), EVALUATION_EPISODES),
         [f"run {run} of {experiment.name}, {label}" for run in runs],
     )

@@ -1,0 +1,59 @@
+"""The maze experiments (section 6.3) with the parameters of appendix A.2.3."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from vtlib.baselines import DDQNSettings
+from vtlib.envs.maze import MazeFamily
+from vtlib.experiments.experiment import Experiment, sliders_of
+from vtlib.sources import MazePool
+from vtlib.transfer import Settings
+
+MAZE_ITERATIONS = 20_000
+SOURCE_ITERATIONS = 200_000
+MAZE_DDQN = DDQNSettings(
+    epsilon_steps=MAZE_ITERATIONS // 10, batch=70, buffer=10_000, target_every=100
+)
+MAZE_GVT = Settings(family="gaussian", lambda_=1e-6, buffer=50_000, alpha_L=1e-7)
+MAZE_MGVT = replace(MAZE_GVT, family="mixture", alpha_L=1e-6)
+
+MAZES = MazePool(
+    "maze-sources",
+    MazeFamily(),
+    count=20,
+    iterations=100_000,
+    limit=1_000_000,
+    check_every=5_000,
+    settings=replace(MAZE_DDQN, epsilon_steps=SOURCE_ITERATIONS // 10),
+)
+DIAGONAL = "1-MGVT-diagonal"
+CORNERS = ("north-east", "north-west", "south-east", "south-west")
+
+
+def _target(corner: str) -> Experiment:
+    """Transfer to the middle one of a corner's five mazes, from mazes of the other corners."""
+    names = MAZES.family.names
+    return Experiment(
+        name=f"maze-{corner}",
+        pool=MAZES,
+        family=MazeFamily((f"{corner} 3",)),
+        algorithms={
+            "3-MGVT": replace(MAZE_MGVT, components=3),
+            "GVT": MAZE_GVT,
+            "1-MGVT": MAZE_MGVT,
+            DIAGONAL: replace(MAZE_MGVT, covariance="diagonal"),
+            "DDQN": MAZE_DDQN,
+        },
+        sources=5,
+        iterations=MAZE_ITERATIONS,
+        every=200,
+        excluded=tuple(i for i, name in enumerate(names) if name.startswith(corner)),
+    )
+
+
+MAZE_TARGETS = {corner: _target(corner) for corner in CORNERS}
+MAZE_LAMBDAS, MAZE_PSIS, MAZE_COMPONENTS = (1e-8, 1e-6, 1e-4), (0.0, 0.5), (1, 3)
+MAZE_SLIDERS = sliders_of(
+    MAZE_TARGETS[CORNERS[0]], "maze-sliders", 5, 5_000, MAZE_LAMBDAS, MAZE_PSIS, MAZE_COMPONENTS
+)
