@@ -11,7 +11,7 @@ import torch
 from torch import Tensor
 
 from vtlib import sources
-from vtlib.baselines import MellowTDSettings
+from vtlib.baselines import DDQNSettings, MellowTDSettings
 from vtlib.domains import DOMAINS, rooms_q
 from vtlib.envs.cartpole import CartpoleFamily
 from vtlib.envs.maze import MazeFamily, Mazes
@@ -61,10 +61,15 @@ class Script:
 
     def __init__(self, returns: Sequence[Sequence[float]]) -> None:
         self._returns, self.seen = torch.tensor(returns), []
+        self.left = list(range(len(returns[0])))
+
+    def keep(self, rows: Sequence[int]) -> None:
+        self.left = [self.left[row] for row in rows]
 
     def episodes(self, mu: Tensor) -> Tensor:
-        self.seen.append(mu[:, 0].numpy().copy())
-        return self._returns[len(self.seen) - 1].unsqueeze(1)
+        """Of the sources that are left; what was seen is kept by their first places."""
+        self.seen.append(dict(zip(self.left, mu[:, 0].numpy().copy(), strict=True)))
+        return self._returns[len(self.seen) - 1, self.left].unsqueeze(1)
 
 
 @pytest.fixture
@@ -131,7 +136,8 @@ def test_training_ends_when_all_are_solved(scripted):
     arrays, script = scripted([[0.8, 0.0], [0.0, 0.8]])
     assert len(script.seen) == 2
     assert arrays["solved"].all()
-    assert not np.array_equal(script.seen[0], script.seen[1]), "no training between the checks"
+    assert script.seen[1].keys() == {1}, "a solved source is trained on"
+    assert not np.array_equal(script.seen[0][1], script.seen[1][1]), "no training between checks"
 
 
 def test_training_ends_at_the_limit(scripted):
@@ -186,6 +192,34 @@ def test_sources_start_anywhere_but_are_judged_from_the_corner(monkeypatch):
     assert len(set(training.episodes.obs.flatten().tolist())) == 8
     assert (judged[0].start(torch.rand(4, 2)) == 0).all()
     assert not training.tasks.uniform_start
+
+
+def in_pool(settings) -> Pool:
+    return replace(TINY, settings=settings)
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [MellowTDSettings(epsilon_steps=100, batch=5), DDQNSettings(60, batch=5, target_every=7)],
+    ids=["mellow TD", "DDQN"],
+)
+def test_sources_that_are_left_go_on_as_if_alone(settings):
+    # past the end of an episode, and of a block of random numbers
+    before, after = 60, 300
+    together = SourceTraining(in_pool(settings), range(4))
+    together.advance(before)
+    together.keep([3, 1])
+    assert together.names == ["source 3 of tiny-pool", "source 1 of tiny-pool"]
+    together.advance(after)
+    alone = SourceTraining(in_pool(settings), [3, 1])
+    alone.advance(before + after)
+    torch.testing.assert_close(together.agent.mu, alone.agent.mu, **ROUNDING)
+    torch.testing.assert_close(together.episodes.obs, alone.episodes.obs, **ROUNDING)
+    torch.testing.assert_close(
+        together.episodes.returns.mean(), alone.episodes.returns.mean(), **ROUNDING
+    )
+    mu = torch.zeros_like(alone.agent.mu)
+    torch.testing.assert_close(together.greedy_return(mu), alone.greedy_return(mu), **ROUNDING)
 
 
 def test_a_diverged_source_is_named():

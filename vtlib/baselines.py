@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import torch
@@ -114,6 +115,16 @@ class EpsilonGreedyLearner(ABC):
         )
         self._adam.step()
 
+    def keep(self, rows: Sequence[int]) -> None:
+        """Go on with some of the runs, by their places in the batch, in that order."""
+        for part in (self._exploration, self._replay, self._buffer):
+            part.keep(rows)
+        state = self._adam.state[self.mu]
+        self.mu = self.mu.detach()[rows]
+        self._adam = torch.optim.Adam([self.mu], lr=self._settings.alpha, fused=True)
+        # Adam's moments are as large as the weights, its step count is one number
+        self._adam.state[self.mu] = {k: x[rows] if x.ndim else x for k, x in state.items()}
+
     @abstractmethod
     def _gradient(self, batch: Transition) -> Tensor:
         """Gradient (R, 1, d) of the loss of a mini-batch (R, B)."""
@@ -146,6 +157,11 @@ class DDQN(EpsilonGreedyLearner):
         super().learn(transition)
         if self._steps % self._settings.target_every == 0:
             self._target = self.mu.detach().clone()
+
+    def keep(self, rows: Sequence[int]) -> None:
+        """Go on with some of the runs, by their places in the batch, in that order."""
+        super().keep(rows)
+        self._target = self._target[rows]
 
     def _gradient(self, batch: Transition) -> Tensor:
         q = self._q

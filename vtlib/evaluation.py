@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import torch
 from torch import Tensor
 
@@ -23,6 +25,14 @@ class GreedyReturn:
         self._q, self._noise, self._starts, self._episodes = q, noise, starts, episodes
         self._runs = len(tasks)
         self._tasks = tasks.select(torch.arange(self._runs).repeat_interleave(episodes))
+
+    def keep(self, rows: Sequence[int]) -> None:
+        """Go on with some of the runs, by their places in the batch, in that order."""
+        self._noise.keep(rows)
+        self._starts.keep(rows)
+        self._runs = len(rows)
+        copies = torch.tensor(rows).unsqueeze(1) * self._episodes + torch.arange(self._episodes)
+        self._tasks = self._tasks.select(copies.flatten())
 
     def __call__(self, mu: Tensor) -> Tensor:
         """Evaluate means mu (R, C, d); with several components Q is averaged over them."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import torch
@@ -51,6 +52,10 @@ class ReplayBuffer:
         tail = torch.stack([action.float(), reward, terminal.float()], -1)
         self._rows[:, at] = torch.cat([obs, next_obs, tail], -1)
         self._added += 1
+
+    def keep(self, rows: Sequence[int]) -> None:
+        """Go on with some of the runs, by their places in the batch, in that order."""
+        self._rows = self._rows[rows]
 
     def sample(self, uniforms: Tensor) -> Transition:
         """A mini-batch (R, B) chosen by uniforms (R, B) on [0, 1)."""

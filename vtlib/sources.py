@@ -114,6 +114,12 @@ class SourceTraining:
                 self.fingerprints.append(fingerprint(self.agent, self.episodes))
         check_finite(self.agent.mu, self.names, self.steps)
 
+    def keep(self, rows: Sequence[int]) -> None:
+        """Go on with some of the sources, by their places in the batch, in that order."""
+        for part in (self.agent, self.episodes, self.greedy_return):
+            part.keep(rows)
+        self.names = [self.names[row] for row in rows]
+
 
 def solve(
     pool: Pool, sources: Sequence[int], progress: Callable[[int], None] = lambda done: None
@@ -125,6 +131,7 @@ def solve(
     """
     training = SourceTraining(pool, sources)
     mine = domain(pool.family)
+    left = torch.arange(len(sources))  # those still trained, by their places among the sources
     optimum = mine.optimum(training.tasks)
     weights = torch.zeros_like(training.agent.mu[:, 0])
     greedy = torch.full_like(optimum, -torch.inf)
@@ -136,15 +143,18 @@ def solve(
     while True:
         returns = training.greedy_return.episodes(training.agent.mu)
         earned = returns.mean(1)
-        passed = mine.passes(returns, optimum, pool.required)
+        passed = mine.passes(returns, optimum[left], pool.required)
         # an unsolved source keeps the best weights that any check has seen
-        better = ~solved & (passed | (earned > greedy))
-        weights[better] = training.agent.mu.detach()[better, 0]
-        greedy[better] = earned[better]
-        trained[better] = training.steps
-        solved |= passed
+        better = passed | (earned > greedy[left])
+        weights[left[better]] = training.agent.mu.detach()[better, 0]
+        greedy[left[better]] = earned[better]
+        trained[left[better]] = training.steps
+        solved[left[passed]] = True
         if solved.all() or training.steps >= pool.limit:
             break
+        if passed.any():
+            training.keep((~passed).nonzero().flatten().tolist())
+            left = left[~passed]
         training.advance(pool.check_every)
         progress(training.steps)
     return {

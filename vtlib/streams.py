@@ -40,6 +40,12 @@ class Stream:
         """Numbers uniform on [0, 1), float32 of shape (R, n)."""
         return self._draw("uniform", n)
 
+    def keep(self, rows: Sequence[int]) -> None:
+        """Go on with some of the runs, by their places in the batch, in that order."""
+        self._generators = [self._generators[row] for row in rows]
+        if self._kind is not None:
+            self._block = self._block[:, rows]
+
     def _draw(self, kind: str, n: int) -> Tensor:
         if self._kind is None:
             self._kind = (kind, n)

@@ -60,6 +60,11 @@ class Returns:
             self._running[rows] = 0.0
             self._discount[rows] = 1.0
 
+    def keep(self, rows: Sequence[int]) -> None:
+        """Go on with some of the runs, by their places in the batch, in that order."""
+        self._finished, self._count = self._finished[rows], self._count[rows]
+        self._running, self._discount = self._running[rows], self._discount[rows]
+
     def mean(self) -> Tensor:
         """Mean return (R,) of the last episodes, zero before the first one has ended."""
         return self._finished.sum(1) / self._count.clamp(1, self._finished.shape[1])
@@ -99,6 +104,14 @@ class Episodes:
             self._time.masked_fill_(self.fresh, 0)
             self.obs = tasks.observe(self._state)
         return transition
+
+    def keep(self, rows: Sequence[int]) -> None:
+        """Go on with some of the runs, by their places in the batch, in that order."""
+        for part in (self._noise, self._starts, self.returns):
+            part.keep(rows)
+        self._tasks = self._tasks.select(rows)
+        self._state, self._time = self._state[rows], self._time[rows]
+        self.obs, self.fresh = self.obs[rows], self.fresh[rows]
 
 
 class RecordedEpisodes(Episodes):
