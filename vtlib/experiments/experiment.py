@@ -23,7 +23,8 @@ class Experiment:
     experiments that share it share targets, sources and random numbers run by run. Each
     ``runs_per_task`` consecutive runs have one target. ``counts`` names algorithms that use only
     the first so many of a run's sources; ``excluded`` are sources that no run may draw; ``visits``
-    keeps the positions that the agents visit.
+    keeps the positions that the agents visit; ``probes`` is the number of states and actions at
+    which the posterior's coverage of the planned values is recorded.
     """
 
     name: str
@@ -39,6 +40,7 @@ class Experiment:
     counts: Mapping[str, int] = field(default_factory=dict)
     visits: bool = False
     excluded: tuple[int, ...] = ()
+    probes: int = 0
 
     def __post_init__(self) -> None:
         if not self.algorithms:

@@ -35,6 +35,13 @@ ROOMS_EVALUATION = Experiment(
     },
 )
 
+ROOMS_CALIBRATION = replace(
+    ROOMS_EVALUATION,
+    name="rooms-calibration",
+    algorithms={label: ROOMS_EVALUATION.algorithms[label] for label in ("3-MGVT", "GVT", "1-MGVT")},
+    probes=500,
+)
+
 ROOMS_SLIDERS = sliders_of(ROOMS_EVALUATION, "rooms-sliders", 10, 5_000)
 
 FIXED_LOWER = 5.0  # where the lower door of every source is, in section 6.1.2

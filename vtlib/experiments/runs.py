@@ -7,12 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
+from torch import Tensor
 
 from vtlib.baselines import DDQN, DDQNSettings, MellowTD, MellowTDSettings
 from vtlib.domains import domain, first_weights, parameters
 from vtlib.envs.episodes import Episodes, RecordedEpisodes, Tasks
 from vtlib.evaluation import GreedyReturn
 from vtlib.experiments.experiment import Algorithm, Experiment
+from vtlib.experiments.probes import CoverageProbe
 from vtlib.sources import draw_tasks
 from vtlib.streams import Stream, generator
 from vtlib.training import FINGERPRINTS, Agent, train
@@ -110,10 +112,19 @@ def run_batch(
 ) -> dict[str, np.ndarray]:
     """Train some runs of the algorithm of that label to the experiment's end: arrays to store."""
     batch = prepare(experiment, label, experiment.algorithms[label], runs, pool)
+    probe = (
+        CoverageProbe(experiment, runs, targets(experiment, runs)) if experiment.probes else None
+    )
+
+    def evaluate(mu: Tensor) -> Tensor:
+        if probe is not None:
+            probe.look(batch.agent)
+        return batch.greedy_return(mu)
+
     curves = train(
         batch.agent,
         batch.episodes,
-        batch.greedy_return,
+        evaluate,
         experiment.iterations,
         experiment.every,
         batch.names,
@@ -128,6 +139,8 @@ def run_batch(
     }
     if isinstance(batch.episodes, RecordedEpisodes):
         arrays["visited"] = batch.episodes.visited.numpy()
+    if probe is not None:
+        arrays["inside"] = probe.shares
     return arrays
 
 

@@ -254,6 +254,8 @@ def config_of(owner: str, label: str) -> dict:
         "family": asdict(experiment.family),
         "stream": experiment.stream,
     }
+    if experiment.probes:
+        config["probes"] = experiment.probes
     if experiment.excluded:
         config["excluded"] = experiment.excluded
     if experiment.runs_per_task > 1:

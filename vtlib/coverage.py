@@ -1,0 +1,35 @@
+"""Coverage: how often the truth lies inside the posterior's central intervals."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+
+from vtlib.qfunctions import QFunction
+
+LEVELS = (0.5, 0.9, 0.95)
+
+
+def posterior_samples(mu: Tensor, L: Tensor, noise: Tensor) -> Tensor:
+    """Weights (R, C K, d) of mixtures with means mu (R, C, d), factors L (R, C, d, d).
+
+    noise: standard normal (R, C, K, d), K draws for each component.
+    """
+    return (mu.unsqueeze(2) + noise @ L.transpose(-1, -2)).flatten(1, 2)
+
+
+def inside(q: QFunction, weights: Tensor, obs: Tensor, action: Tensor, truth: Tensor) -> Tensor:
+    """Share (R, levels) of true values that lie in the central intervals of sampled ones.
+
+    weights: (R, K, d) samples. obs (R, B, obs_dim), action (R, B) and truth (R, B) are the pairs of
+    state and action, and their values. A calibrated posterior's shares are the ``LEVELS``.
+    """
+    values = q.q(weights, q.prepare(obs))
+    index = action[:, None, None].expand(-1, values.shape[1], 1, -1)
+    values = values.gather(2, index).squeeze(2)
+    shares = []
+    for level in LEVELS:
+        ends = torch.tensor([(1 - level) / 2, (1 + level) / 2])
+        low, high = values.quantile(ends, dim=1)
+        shares.append(((truth >= low) & (truth <= high)).float().mean(1))
+    return torch.stack(shares, 1)
