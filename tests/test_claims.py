@@ -19,6 +19,7 @@ from vtlib.claims import (
     better_and_steadier,
     covers_more,
     earns_half,
+    ends_at_optimum,
     falls_behind_on_unlikely,
     falls_with,
     gap_closes,
@@ -491,6 +492,16 @@ def test_no_advantage(gain, expected):
 def test_little_jump_start(start, expected):
     a, b = (over_time([x, -50], [0] * 2, -50.0) for x in (start, -79.0))
     assert little_jump_start("1-MGVT", a, "DDQN", b).verdict == expected
+
+
+@pytest.mark.parametrize(
+    ("learning", "greedy", "expected"),
+    [(-54, -50, REPRODUCED), (-56, -54, PARTLY), (-54, -56, PARTLY), (-56, -80, NOT)],
+)
+def test_ends_at_optimum(learning, greedy, expected):
+    claim = ends_at_optimum("1-MGVT", over_time([-90, learning], [-90, greedy], -50.0))
+    assert claim.verdict == expected
+    assert f"learning return is {learning:.1f}" in claim.evidence
 
 
 @pytest.mark.parametrize(

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import cProfile
+import pstats
 import time
 from collections.abc import Callable
+from pathlib import Path
 
 import torch
 
 from vtlib.domains import domain
-from vtlib.experiments import CARTPOLE, ROOMS_EVALUATION, Experiment
+from vtlib.experiments import CAR, CARTPOLE, ROOMS_EVALUATION, Experiment
 from vtlib.experiments.experiment import Algorithm
-from vtlib.experiments.runs import prepare
+from vtlib.experiments.runs import Batch, prepare
 from vtlib.experiments.work import pool_weights
 from vtlib.store import results_folder
 from vtlib.transfer import Settings
@@ -20,7 +23,14 @@ RUNS = 20
 PUBLISHED = (
     (ROOMS_EVALUATION, {"NT": 0.71, "GVT": 17.0, "1-MGVT": 17.5, "3-MGVT": 80.0}),
     (CARTPOLE, {"DDQN": 0.74, "GVT": 5.5, "1-MGVT": 8.0, "3-MGVT": 19.0}),
+    (CAR, {"DDQN": 0.9, "GVT": 17.0, "1-MGVT": 17.0, "3-MGVT": 73.0}),
 )
+# functions, by their files, whose time is that of a part of an iteration
+PARTS = {
+    "factor": ("factor", ("look_ahead", "product", "step")),
+    "network": ("transfer", ("td_gradients",)),
+    "noise": ("streams", ("normal",)),
+}
 PASS = 2  # operations per weight and state: a product and a sum
 
 
@@ -44,12 +54,14 @@ def bound(experiment: Experiment, algorithm: Algorithm, rate: float) -> float:
     return 1e3 * 4 * PASS * d * algorithm.batch / rate
 
 
-def milliseconds(
-    experiment: Experiment, label: str, iterations: int = 100, repeats: int = 5
-) -> float:
-    """Milliseconds per run and iteration of an algorithm of an experiment."""
+def ready(experiment: Experiment, label: str) -> Batch:
+    """Runs of an algorithm of an experiment, ready to advance; KeyError when it has none such."""
     pool = pool_weights(experiment.pool, results_folder())
-    batch = prepare(experiment, label, experiment.algorithms[label], range(RUNS), pool)
+    return prepare(experiment, label, experiment.algorithms[label], range(RUNS), pool)
+
+
+def milliseconds(batch: Batch, iterations: int = 50, repeats: int = 5) -> float:
+    """Milliseconds per run and iteration."""
 
     def advance() -> None:
         for _ in range(iterations):
@@ -57,6 +69,19 @@ def milliseconds(
 
     advance()
     return 1e3 * _best(advance, repeats) / iterations / RUNS
+
+
+def shares(batch: Batch, iterations: int = 50) -> dict[str, float]:
+    """The share of each part in the time of an iteration, by the profiler."""
+    profile = cProfile.Profile()
+    profile.runcall(lambda: [batch.advance() for _ in range(iterations)])
+    stats = pstats.Stats(profile)
+    found = dict.fromkeys(PARTS, 0.0)
+    for (file, _, function), (_, _, _, seconds, _) in stats.stats.items():
+        for part, (stem, functions) in PARTS.items():
+            if Path(file).stem.startswith(stem) and function in functions:
+                found[part] += seconds
+    return {part: seconds / stats.total_tt for part, seconds in found.items()}
 
 
 def _best(work: Callable[[], object], repeats: int) -> float:
@@ -75,10 +100,13 @@ def main() -> int:
     print(f"one core, float32 matrix product: {rate / 1e9:.0f} GFLOP/s; batch of {RUNS} runs")
     for experiment, published in PUBLISHED:
         title = f"{experiment.name} (d = {domain(experiment.family).q().d})"
-        print(f"{title:28}{'ms':>8}{'bound':>8}{'ratio':>8}{'2018 code':>12}")
+        parts = "".join(f"{part:>9}" for part in PARTS)
+        print(f"{title:28}{'ms':>8}{'bound':>8}{'ratio':>8}{'2018 code':>12}{parts}")
         for label, old in published.items():
-            measured = milliseconds(experiment, label)
-            least = bound(experiment, experiment.algorithms[label], rate)
+            algorithm, batch = experiment.algorithms[label], ready(experiment, label)
+            measured, least = milliseconds(batch), bound(experiment, algorithm, rate)
             row = f"{measured:8.3f}{least:8.3f}{measured / least:8.1f}{old:12.2f}"
+            if isinstance(algorithm, Settings):
+                row += "".join(f"{share:9.0%}" for share in shares(batch).values())
             print(f"{label:28}{row}", flush=True)
     return 0

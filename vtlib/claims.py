@@ -325,6 +325,18 @@ def little_jump_start(first: str, a: Returns, second: str, b: Returns) -> Claim:
     )
 
 
+def ends_at_optimum(name: str, runs: Returns) -> Claim:
+    """At the end both mean returns, of either sign, miss the optimum by at most 10% of its size."""
+    optimum = _mean(runs.optimum)
+    ends = [_mean(runs.learning[:, -1]), _mean(runs.greedy[:, -1])]
+    return Claim(
+        f"{name} converges to the optimum.",
+        verdict([optimum - end <= (1 - SOLVED) * abs(optimum) for end in ends]),
+        f"At {int(runs.iterations[-1]):,} iterations the learning return is {ends[0]:.1f}, the "
+        f"greedy one {ends[1]:.1f}; the optimum is {optimum:.1f}.",
+    )
+
+
 def transfers_negatively(first: str, a: Returns, second: str, b: Returns) -> Claim:
     """At the end both returns are clearly lower than without transfer, paired by run."""
     end = int(a.iterations[-1])
