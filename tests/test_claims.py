@@ -349,9 +349,9 @@ def test_falls_behind_on_unlikely(level, slope, noise, expected):
     b = np.linspace(0.5, 0.9, 9)
     claim = falls_behind_on_unlikely("GVT", b + gap, "1-MGVT", b, LIKELIHOOD, "At 500")
     assert claim.verdict == expected
-    assert claim.text == "GVT falls behind 1-MGVT on unlikely tasks."
+    assert claim.text == "At 500 iterations GVT falls behind 1-MGVT on unlikely tasks."
     others = np.delete(gap, UNLIKELY).mean()
-    assert claim.evidence.startswith("At 500, GVT minus 1-MGVT")
+    assert claim.evidence.startswith("GVT minus 1-MGVT, as a share")
     assert f"optimum: {gap[UNLIKELY].mean():.3f} (95% interval" in claim.evidence
     assert f"on the 3 least likely tasks, {others:.3f} on the others" in claim.evidence
     fitted = np.polyfit(LIKELIHOOD, gap, 1)[0]

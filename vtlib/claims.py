@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import wraps
 from html import escape
+from typing import ParamSpec
 
 import numpy as np
 
 from vtlib.stats import Interval, difference_interval, mean_interval, slope_interval
 
+P = ParamSpec("P")
 REPRODUCED, PARTLY, NOT = "reproduced", "partly reproduced", "not reproduced"
 NEAR_OPTIMAL = 0.95  # a mean return of 95% of the optimum is called optimal
 SOLVED = 0.9  # a run whose greedy policy earns 90% of its own optimum has solved its task
@@ -17,11 +20,12 @@ SOLVED = 0.9  # a run whose greedy policy earns 90% of its own optimum has solve
 
 @dataclass(frozen=True)
 class Claim:
-    """A claim of the thesis in this book's words, its verdict and the numbers behind it."""
+    """A claim of the thesis in this book's words, its verdict, the numbers behind it, the test."""
 
     text: str
     verdict: str
     evidence: str
+    test: str = ""
 
 
 @dataclass(frozen=True)
@@ -45,6 +49,16 @@ class Returns:
         return float((self.at(iteration, "greedy") >= SOLVED * self.optimum).mean())
 
 
+def _check(judge: Callable[P, Claim]) -> Callable[P, Claim]:
+    """The same check, whose claims tell by its docstring what is tested."""
+
+    @wraps(judge)
+    def told(*arguments: P.args, **named: P.kwargs) -> Claim:
+        return replace(judge(*arguments, **named), test=(judge.__doc__ or "").splitlines()[0])
+
+    return told
+
+
 def verdict(passed: Sequence[bool]) -> str:
     """Reproduced when every part passes, partly when some do, not when none does."""
     if all(passed):
@@ -52,6 +66,7 @@ def verdict(passed: Sequence[bool]) -> str:
     return PARTLY if any(passed) else NOT
 
 
+@_check
 def optimal_by(name: str, runs: Returns, iteration: int) -> Claim:
     """The mean learning return is optimal (95% of the optimum) by an iteration, or soon after."""
     share = _mean(runs.at(iteration)) / _mean(runs.optimum)
@@ -66,6 +81,7 @@ def optimal_by(name: str, runs: Returns, iteration: int) -> Claim:
     )
 
 
+@_check
 def solves_most(name: str, runs: Returns, iteration: int) -> Claim:
     """At an iteration the greedy policy has solved more than half of the tasks."""
     share, end = runs.solved(iteration), runs.solved(int(runs.iterations[-1]))
@@ -79,6 +95,7 @@ def solves_most(name: str, runs: Returns, iteration: int) -> Claim:
     )
 
 
+@_check
 def only_beginning(name: str, runs: Returns, iteration: int) -> Claim:
     """At an iteration the learning return is above zero but below half of the optimum."""
     value, optimum = mean_interval(runs.at(iteration)), _mean(runs.optimum)
@@ -90,6 +107,7 @@ def only_beginning(name: str, runs: Returns, iteration: int) -> Claim:
     )
 
 
+@_check
 def better_and_steadier(first: str, a: Returns, second: str, b: Returns, iteration: int) -> Claim:
     """One algorithm earns at least as much as another, paired by run, with less variance."""
     gain = difference_interval(a.at(iteration), b.at(iteration))
@@ -102,6 +120,7 @@ def better_and_steadier(first: str, a: Returns, second: str, b: Returns, iterati
     )
 
 
+@_check
 def worse_and_wider(first: str, a: Returns, second: str, b: Returns, iteration: int) -> Claim:
     """One algorithm earns clearly less than another, paired by run, and varies more."""
     gain = difference_interval(a.at(iteration), b.at(iteration))
@@ -115,8 +134,9 @@ def worse_and_wider(first: str, a: Returns, second: str, b: Returns, iteration: 
     )
 
 
+@_check
 def falls_with(name: str, runs: Returns, distance: np.ndarray, iteration: int) -> Claim:
-    """The share of its optimum that a run earns falls with a distance (R,): slope below zero."""
+    """The share of its optimum that a run earns falls with its distance: the slope is negative."""
     share = runs.at(iteration) / runs.optimum
     slope = slope_interval(distance, share)
     return Claim(
@@ -127,6 +147,7 @@ def falls_with(name: str, runs: Returns, distance: np.ndarray, iteration: int) -
     )
 
 
+@_check
 def no_better(first: str, a: Returns, second: str, b: Returns, iteration: int) -> Claim:
     """More components bring no clear advantage: the paired difference is not clearly positive."""
     during = difference_interval(a.learning.mean(1), b.learning.mean(1))
@@ -139,8 +160,12 @@ def no_better(first: str, a: Returns, second: str, b: Returns, iteration: int) -
     )
 
 
+@_check
 def never_arrives(name: str, arrivals: np.ndarray) -> Claim:
-    """Fewer than half of the runs ever arrive at the goal; arrivals (R,) counts each run's."""
+    """Fewer than half of the runs ever arrive at the goal.
+
+    arrivals: (R,), how often each run does.
+    """
     return Claim(
         f"{name} does not reach the goal.",
         verdict([bool((arrivals > 0).mean() < 0.5)]),
@@ -148,8 +173,12 @@ def never_arrives(name: str, arrivals: np.ndarray) -> Claim:
     )
 
 
+@_check
 def arrives(name: str, arrivals: np.ndarray) -> Claim:
-    """At least nine runs in ten arrive at the goal; arrivals (R,) counts each run's."""
+    """At least nine runs in ten arrive at the goal.
+
+    arrivals: (R,), how often each run does.
+    """
     return Claim(
         f"{name} reaches the goal.",
         verdict([bool((arrivals > 0).mean() >= 0.9)]),
@@ -165,8 +194,12 @@ def _arrived(arrivals: np.ndarray) -> str:
     )
 
 
+@_check
 def gathers_at_door(name: str, share: np.ndarray, even: float) -> Claim:
-    """Visits lie at the door clearly more often than if they were spread evenly; share (R,)."""
+    """Visits lie at the door clearly more often than if they were spread evenly.
+
+    share: (R,) of each run's visits; even: that of evenly spread ones.
+    """
     value = mean_interval(share)
     return Claim(
         f"The visits of {name} gather at the door.",
@@ -176,8 +209,12 @@ def gathers_at_door(name: str, share: np.ndarray, even: float) -> Claim:
     )
 
 
+@_check
 def covers_more(first: str, second: str, pairs: Mapping[str, tuple]) -> Claim:
-    """By each measure {name: (first's (R,), second's (R,))} the first covers clearly more."""
+    """By each measure the first covers clearly more.
+
+    pairs: {name of the measure: (first's (R,), second's (R,))}.
+    """
     gains = {name: difference_interval(a, b) for name, (a, b) in pairs.items()}
     numbers = "; ".join(
         f"{name} {_mean(a):.1f} against {_mean(b):.1f}, difference {_interval(gains[name])}"
@@ -190,6 +227,7 @@ def covers_more(first: str, second: str, pairs: Mapping[str, tuple]) -> Claim:
     )
 
 
+@_check
 def falls_behind_on_unlikely(
     first: str, a: np.ndarray, second: str, b: np.ndarray, likelihood: np.ndarray, when: str
 ) -> Claim:
@@ -201,16 +239,20 @@ def falls_behind_on_unlikely(
     unlikely = likelihood <= np.quantile(likelihood, 1 / 3)
     behind, slope = mean_interval(gap[unlikely]), slope_interval(likelihood, gap)
     return Claim(
-        f"{first} falls behind {second} on unlikely tasks.",
+        f"{when} iterations {first} falls behind {second} on unlikely tasks.",
         verdict([bool(behind.high < 0), bool(slope.low > 0)]),
-        f"{when}, {first} minus {second}, as a share of the optimum: {_interval(behind)} on the "
+        f"{first} minus {second}, as a share of the optimum: {_interval(behind)} on the "
         f"{int(unlikely.sum())} least likely tasks, {_mean(gap[~unlikely]):.3f} on the others; "
         f"slope over the density {_interval(slope)}.",
     )
 
 
+@_check
 def optimal_for_all(name: str, share: np.ndarray, when: str) -> Claim:
-    """Every task's mean return is at least 90% of its optimum; share (tasks,)."""
+    """Every task's mean return is at least 90% of its optimum.
+
+    share: (tasks,) of the optimum.
+    """
     return Claim(
         f"{name} is near-optimal for all tasks.",
         verdict([bool((share >= SOLVED).all()), bool(_mean(share) >= SOLVED)]),
@@ -222,8 +264,12 @@ def optimal_for_all(name: str, share: np.ndarray, when: str) -> Claim:
 ABOUT_HALF = 2 / 3  # at most this share of another return is called about half of it
 
 
+@_check
 def earns_half(first: str, second: str, pairs: Mapping[str, tuple]) -> Claim:
-    """At each time {when: (first's (R,), second's (R,))} the first earns about half or less."""
+    """At each time the first earns at most two thirds of what the second earns.
+
+    pairs: {when: (first's (R,), second's (R,))}.
+    """
     means = {when: (_mean(a), _mean(b)) for when, (a, b) in pairs.items()}
     numbers = "; ".join(f"{when} {a:.2f} against {b:.2f}" for when, (a, b) in means.items())
     return Claim(
@@ -233,6 +279,7 @@ def earns_half(first: str, second: str, pairs: Mapping[str, tuple]) -> Claim:
     )
 
 
+@_check
 def gap_closes(first: str, few: tuple, second: str, many: tuple, when: str) -> Claim:
     """A clear difference with few sources, no clear one with many, and a smaller one.
 
@@ -254,6 +301,7 @@ def gap_closes(first: str, few: tuple, second: str, many: tuple, when: str) -> C
 EARLY = 500  # iterations within which a start shows
 
 
+@_check
 def starts_near_optimum(name: str, runs: Returns) -> Claim:
     """From the start the mean returns are at least 90% of the optimum."""
     greedy = _mean(runs.greedy[:, 0]) / _mean(runs.optimum)
@@ -266,6 +314,7 @@ def starts_near_optimum(name: str, runs: Returns) -> Claim:
     )
 
 
+@_check
 def not_by(name: str, runs: Returns, iteration: int) -> Claim:
     """The mean learning return is far from optimal (below 90%) at an iteration."""
     share = _mean(runs.at(iteration)) / _mean(runs.optimum)
@@ -276,6 +325,7 @@ def not_by(name: str, runs: Returns, iteration: int) -> Claim:
     )
 
 
+@_check
 def moves_early(name: str, runs: Returns, until: int) -> Claim:
     """The mean greedy curve changes at least twice as fast until an iteration as afterwards."""
     steps = np.abs(np.diff(runs.greedy.mean(0)))
@@ -289,6 +339,7 @@ def moves_early(name: str, runs: Returns, until: int) -> Claim:
     )
 
 
+@_check
 def learns_faster(first: str, a: Returns, second: str, b: Returns, until: int) -> Claim:
     """Averaged until an iteration, the learning return is clearly higher, paired by run."""
     gain = _early_gain(a, b, until)
@@ -299,6 +350,7 @@ def learns_faster(first: str, a: Returns, second: str, b: Returns, until: int) -
     )
 
 
+@_check
 def no_advantage(first: str, a: Returns, second: str, b: Returns, until: int) -> Claim:
     """Averaged until an iteration, the learning return is not clearly higher, paired by run."""
     gain = _early_gain(a, b, until)
@@ -314,6 +366,7 @@ def _early_gain(a: Returns, b: Returns, until: int) -> Interval:
     return difference_interval(a.learning[:, early].mean(1), b.learning[:, early].mean(1))
 
 
+@_check
 def little_jump_start(first: str, a: Returns, second: str, b: Returns) -> Claim:
     """Early on, one algorithm leads by less than 10% of the optimum's size."""
     lead = _mean(a.at(EARLY)) - _mean(b.at(EARLY))
@@ -325,6 +378,7 @@ def little_jump_start(first: str, a: Returns, second: str, b: Returns) -> Claim:
     )
 
 
+@_check
 def ends_at_optimum(name: str, runs: Returns) -> Claim:
     """At the end both mean returns, of either sign, miss the optimum by at most 10% of its size."""
     optimum = _mean(runs.optimum)
@@ -337,6 +391,7 @@ def ends_at_optimum(name: str, runs: Returns) -> Claim:
     )
 
 
+@_check
 def transfers_negatively(first: str, a: Returns, second: str, b: Returns) -> Claim:
     """At the end both returns are clearly lower than without transfer, paired by run."""
     end = int(a.iterations[-1])
@@ -350,6 +405,7 @@ def transfers_negatively(first: str, a: Returns, second: str, b: Returns) -> Cla
     )
 
 
+@_check
 def optimal_only_with(
     first: str, a: Mapping[str, Returns], second: str, b: Mapping[str, Returns]
 ) -> Claim:
