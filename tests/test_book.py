@@ -10,7 +10,7 @@ from urllib.parse import unquote, urldefrag, urlsplit
 import pytest
 from bs4 import BeautifulSoup
 
-from vtlib.experiments.control import CARTPOLE_MGVT
+from vtlib.experiments.control import CAR_LAMBDAS, CAR_MGVT, CARTPOLE_MGVT
 from vtlib.experiments.experiment import COMPONENTS, PSIS, slider_lambdas
 from vtlib.experiments.rooms import MGVT
 
@@ -212,6 +212,7 @@ SETTINGS = {
     "rooms_distribution_change": ROOMS,
     "rooms_likelihood": ROOMS,
     "cartpole": (CARTPOLE_MGVT, slider_lambdas(CARTPOLE_MGVT), 2),
+    "mountain_car": (CAR_MGVT, CAR_LAMBDAS, 2),
 }
 
 
@@ -242,6 +243,7 @@ def test_each_slider_shows_the_picture_of_its_setting(
 MOMENTS = {
     "rooms_exploration": ((0, 50, 100), 2000, 1),
     "cartpole": ((0, 100, 200), 2000, 2),
+    "mountain_car": ((0, 200, 500), 5000, 2),
 }
 
 

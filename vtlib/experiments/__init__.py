@@ -1,6 +1,8 @@
 """The book's experiments: a frozen configuration per figure; what runs, stores, verifies."""
 
 from vtlib.experiments.control import (
+    CAR,
+    CAR_SLIDERS,
     CARTPOLE,
     CARTPOLE_COLLAPSE,
     CARTPOLE_OTHER_SOURCES,
@@ -20,10 +22,12 @@ from vtlib.experiments.rooms import (
 )
 
 __all__ = [
+    "CAR",
     "CARTPOLE",
     "CARTPOLE_COLLAPSE",
     "CARTPOLE_OTHER_SOURCES",
     "CARTPOLE_SLIDERS",
+    "CAR_SLIDERS",
     "EXPERIMENTS",
     "POOLS",
     "ROOMS_CHANGE",
@@ -55,6 +59,8 @@ EXPERIMENTS = {
         CARTPOLE_SLIDERS,
         *CARTPOLE_OTHER_SOURCES.values(),
         CARTPOLE_COLLAPSE,
+        CAR,
+        CAR_SLIDERS,
     )
 }
 POOLS = {e.pool.name: e.pool for e in EXPERIMENTS.values()}
