@@ -264,6 +264,29 @@ def test_the_slider_over_iterations_shows_each_moment(
         assert_shown(page, [f"after {last} iterations"], panels)
 
 
+SHOWN_BY_ITS_SLIDERS = """handle => {
+  const figure = handle.closest("figure");
+  const shown = [...figure.querySelectorAll(".widget-subarea img")].filter(i => i.offsetParent);
+  const words = shown.map(i => i.alt.replaceAll("-", "\u2212").split(/[\\s:,;]+/)).flat();
+  const handles = [...figure.querySelectorAll(".noUi-handle")];
+  const set = handles.map(h => h.getAttribute("aria-valuetext"));
+  return shown.length === 1 && set.every(value => words.includes(value));
+}"""
+
+
+@pytest.mark.usefixtures("vendored")
+def test_the_formulas_of_the_method_move(book: Path, address: str, page) -> None:
+    for url in open_everywhere(page, book, address, "book/method.html"):
+        page.wait_for_selector(".widget-slider .noUi-handle[aria-label]", state="attached")
+        handles = page.locator("figure .widget-slider .noUi-handle").all()
+        assert len(handles) == 7, url
+        for handle in handles:
+            handle.focus()
+            for key in ("Home", "ArrowRight", "End", "ArrowLeft"):
+                page.keyboard.press(key)
+                page.wait_for_function(SHOWN_BY_ITS_SLIDERS, arg=handle.element_handle())
+
+
 def assert_shown(page, setting: list[str], panels: int) -> None:
     """One picture is visible in each panel, and one description names the setting."""
     named = "v.filter(i => texts.every(t => i.alt.includes(t))).length === 1"
