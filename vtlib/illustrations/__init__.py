@@ -1,0 +1,1 @@
+"""Formulas that move: small exact computations behind the sliders of the theory pages."""
