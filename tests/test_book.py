@@ -287,6 +287,33 @@ def test_the_formulas_of_the_method_move(book: Path, address: str, page) -> None
                 page.wait_for_function(SHOWN_BY_ITS_SLIDERS, arg=handle.element_handle())
 
 
+@pytest.mark.usefixtures("vendored")
+@pytest.mark.parametrize(
+    ("figure", "lowest", "highest"),
+    [
+        ("fig-contraction", "gamma = 0.5.", "gamma = 0.99."),
+        ("fig-td-bias", "c = 0.", "c = 0.5."),
+        ("fig-elbo", "mean -1.9 and deviation 0.15 ", "mean 1.9 and deviation 0.9 "),
+        ("fig-gibbs", "N = 10 and lambda = 0.25:", "N = 2560 and lambda = 16:"),
+    ],
+)
+def test_the_formulas_of_the_background_move(
+    book: Path, address: str, page, figure: str, lowest: str, highest: str
+) -> None:
+    for _ in open_everywhere(page, book, address, "book/background.html"):
+        handles = page.locator(f"#{figure} .noUi-handle")
+        handles.first.wait_for(state="attached")
+        for key, text in (("Home", lowest), ("End", highest)):
+            for handle in handles.all():
+                handle.focus()
+                page.keyboard.press(key)
+            page.wait_for_function(
+                "([id, text]) => { const v = [...document.querySelectorAll(`#${id} img`)]"
+                ".filter(i => i.offsetParent); return v.length === 1 && v[0].alt.includes(text) }",
+                arg=[figure, text],
+            )
+
+
 def assert_shown(page, setting: list[str], panels: int) -> None:
     """One picture is visible in each panel, and one description names the setting."""
     named = "v.filter(i => texts.every(t => i.alt.includes(t))).length === 1"
