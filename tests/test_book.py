@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 import subprocess
 from collections.abc import Iterator
 from pathlib import Path
@@ -321,11 +320,10 @@ def assert_shown(page, setting: list[str], panels: int) -> None:
     page.wait_for_function(test, arg=[setting, panels])
 
 
-@pytest.mark.skipif(shutil.which("git") is None, reason="git is not installed")
 def test_the_build_leaves_nothing_for_git(book: Path) -> None:
     inside = subprocess.run(["git", "rev-parse"], cwd=ROOT, capture_output=True, check=False)
     if inside.returncode:
-        pytest.skip("not a git checkout")
+        pytest.skip("a downloaded archive: there is no git that could take notice")
     for made in ("_build/html", "book/_static/vendor/fetched", ".venv"):
         done = subprocess.run(["git", "check-ignore", "-q", made], cwd=ROOT, check=False)
         assert done.returncode == 0, f"{made} is not ignored"

@@ -50,6 +50,7 @@ def test_bound_is_at_least_the_monte_carlo_kl(components, sources, d):
     variance, samples = 0.7, 100_000
     q, w = posterior(components, d), draw(sources, d, seed=8)
     with torch.random.fork_rng():
+        # torch.distributions draw from the global generator alone; the fork gives it back
         torch.manual_seed(0)
         x = torch_mixture(*q).sample((samples,))
     factor = variance**0.5 * torch.eye(d, dtype=torch.float64).expand(sources, d, d)

@@ -257,7 +257,9 @@ def _wait_until(condition, seconds=60):
     assert condition()
 
 
-@pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="needs Linux' /proc")
+@pytest.mark.skipif(
+    not Path("/proc/self/task").exists(), reason="/proc alone tells a dead parent's children"
+)
 def test_workers_end_with_a_parent_that_is_killed(tmp_path):
     pool = named("rooms-evaluation").pool.name
     shutil.copytree(store.results_folder() / pool, tmp_path / pool)

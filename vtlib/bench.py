@@ -53,8 +53,7 @@ def milliseconds(
 
     def advance() -> None:
         for _ in range(iterations):
-            action = batch.agent.act(batch.episodes.obs, batch.episodes.fresh)
-            batch.agent.learn(batch.episodes.step(action))
+            batch.advance()
 
     advance()
     return 1e3 * _best(advance, repeats) / iterations / RUNS

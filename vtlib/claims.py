@@ -8,7 +8,7 @@ from html import escape
 
 import numpy as np
 
-from vtlib.stats import difference_interval, mean_interval, slope_interval
+from vtlib.stats import Interval, difference_interval, mean_interval, slope_interval
 
 REPRODUCED, PARTLY, NOT = "reproduced", "partly reproduced", "not reproduced"
 NEAR_OPTIMAL = 0.95  # a mean return of 95% of the optimum is called optimal
@@ -291,8 +291,7 @@ def moves_early(name: str, runs: Returns, until: int) -> Claim:
 
 def learns_faster(first: str, a: Returns, second: str, b: Returns, until: int) -> Claim:
     """Averaged until an iteration, the learning return is clearly higher, paired by run."""
-    early = a.iterations <= until
-    gain = difference_interval(a.learning[:, early].mean(1), b.learning[:, early].mean(1))
+    gain = _early_gain(a, b, until)
     return Claim(
         f"{first} converges faster than {second}.",
         verdict([bool(gain.low > 0)]),
@@ -302,13 +301,17 @@ def learns_faster(first: str, a: Returns, second: str, b: Returns, until: int) -
 
 def no_advantage(first: str, a: Returns, second: str, b: Returns, until: int) -> Claim:
     """Averaged until an iteration, the learning return is not clearly higher, paired by run."""
-    early = a.iterations <= until
-    gain = difference_interval(a.learning[:, early].mean(1), b.learning[:, early].mean(1))
+    gain = _early_gain(a, b, until)
     return Claim(
         f"{first} has no clear advantage over {second}.",
         verdict([bool(gain.low <= 0)]),
         f"{first} minus {second}, averaged over the first {until:,} iterations: {_interval(gain)}.",
     )
+
+
+def _early_gain(a: Returns, b: Returns, until: int) -> Interval:
+    early = a.iterations <= until
+    return difference_interval(a.learning[:, early].mean(1), b.learning[:, early].mean(1))
 
 
 def little_jump_start(first: str, a: Returns, second: str, b: Returns) -> Claim:

@@ -77,14 +77,7 @@ def snapshots(
 ) -> list[Snapshot]:
     """Compute one run anew and look at its mean Q-function at some iterations, 0 the start."""
     batch = prepare(experiment, label, experiment.algorithms[label], [run], pool)
-    kept = []
-    for t in range(max(at) + 1):
-        if t > 0:
-            action = batch.agent.act(batch.episodes.obs, batch.episodes.fresh)
-            batch.agent.learn(batch.episodes.step(action))
-        if t in at:
-            kept.append(_look_at(experiment, run, batch.agent.mu.detach(), t))
-    return kept
+    return [_look_at(experiment, run, batch.agent.mu.detach(), t) for t in batch.moments(at)]
 
 
 def _look_at(experiment: Experiment, run: int, mu: Tensor, iteration: int) -> Snapshot:
@@ -93,8 +86,8 @@ def _look_at(experiment: Experiment, run: int, mu: Tensor, iteration: int) -> Sn
     def values(states: Tensor) -> Tensor:
         return q.q(mu, q.prepare(states.unsqueeze(0)))[0].mean(0)
 
-    best = values(grid(plane, targets(experiment, [run]).obs_dim)).max(0)
     tasks = targets(experiment, [run])
+    best = values(grid(plane, tasks.obs_dim)).max(0)
     state, path, none = torch.tensor([plane.start]), [], torch.zeros(1, 0)
     for _ in range(tasks.horizon):
         path.append(state[0, list(plane.axes)])

@@ -102,14 +102,10 @@ def snapshots(
         (SAMPLES, rooms_q().d), np.float32
     )
     kept = []
-    for t in range(max(at) + 1):
-        if t > 0:
-            action = batch.agent.act(batch.episodes.obs, batch.episodes.fresh)
-            batch.agent.learn(batch.episodes.step(action))
-        if t in at:
-            path = batch.episodes.visited[0].numpy() if t else np.zeros((0, 2), np.float32)
-            values = _values(batch.agent.mu, batch.agent.L, torch.from_numpy(noise))
-            kept.append(Snapshot(t, path, values.mean(0), values.std(0, ddof=1)))
+    for t in batch.moments(at):
+        path = batch.episodes.visited[0].numpy() if t else np.zeros((0, 2), np.float32)
+        values = _values(batch.agent.mu, batch.agent.L, torch.from_numpy(noise))
+        kept.append(Snapshot(t, path, values.mean(0), values.std(0, ddof=1)))
     return kept
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -29,6 +29,19 @@ class Batch:
     episodes: Episodes
     greedy_return: GreedyReturn
     names: list[str]
+
+    def advance(self) -> None:
+        """One iteration of every run."""
+        action = self.agent.act(self.episodes.obs, self.episodes.fresh)
+        self.agent.learn(self.episodes.step(action))
+
+    def moments(self, at: Sequence[int]) -> Iterator[int]:
+        """Each of some iterations, once the runs have come to it; 0 is before the first."""
+        for t in range(max(at) + 1):
+            if t > 0:
+                self.advance()
+            if t in at:
+                yield t
 
 
 def targets(experiment: Experiment, runs: Sequence[int]) -> Tasks:
