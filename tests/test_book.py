@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import importlib.resources
+import json
+import re
 import subprocess
 from collections.abc import Iterator
 from pathlib import Path
@@ -105,6 +108,52 @@ def test_title_language_and_favicon(book: Path) -> None:
         icon = document.find("link", rel="icon")
         assert icon is not None, path
         assert (path.parent / icon["href"]).is_file(), path
+
+
+def test_equations_carry_the_numbers_of_the_thesis(book: Path) -> None:
+    found = {}
+    for path in written_pages(book):
+        for equation in soup(path).select("div.math[id^=equation-eq-]"):
+            if re.fullmatch(r"equation-eq-\d-\d+", equation["id"]):
+                found[equation["id"]] = equation.select_one(".eqno").text.strip("()#¶\uf0c1 ")
+    labels = [f"2-{i}" for i in range(1, 24)] + [f"5-{i}" for i in range(1, 16)]
+    assert found == {f"equation-eq-{x}": x.replace("-", ".") for x in labels}
+
+
+def test_equations_and_functions_lead_to_each_other(book: Path) -> None:
+    reference = {path.name: soup(path) for path in (book / "book").glob("api_*.html")}
+    for page in ("background", "method"):
+        lines = soup(book / "book" / f"{page}.html").select("p.in-code")
+        assert lines
+        for link in (link for line in lines for link in line.find_all("a")):
+            file, _, name = link["href"].partition("#")
+            entry = reference[file].find(id=name).parent
+            assert entry.select(f"a[href*='{page}.html#equation-eq-']"), name
+            assert entry.select("div.math"), f"{name} shows no formula"
+
+
+def test_the_gallery_shows_every_figure(book: Path) -> None:
+    drawn = {
+        f"{path.name}#{figure['id']}"
+        for path in written_pages(book)
+        if path.name != "index.html"
+        for figure in soup(path).select("figure[id]")
+    }
+    shown = [link["href"] for link in soup(book / "book" / "index.html").select(".gallery a")]
+    assert len(shown) == len(set(shown))
+    assert set(shown) == drawn
+
+
+def test_pages_with_code_offer_a_notebook_and_say_how_long_they_take(book: Path) -> None:
+    for path in written_pages(book):
+        source = (ROOT / "book" / path.name).with_suffix(".md").read_text(encoding="utf-8")
+        links = [a["href"] for a in soup(path).select("a[href$='.ipynb']")]
+        assert bool(links) == ("\nkernelspec:" in source[:500]), path.name
+        for link in links:
+            assert json.loads((path.parent / link).read_text(encoding="utf-8"))["cells"]
+        if links:
+            note = soup(path).select_one(".page-note").text
+            assert re.match(r"Takes (about a second|\d+ (seconds|minutes)) to run", note), path.name
 
 
 def test_pages_stay_light(book: Path) -> None:
@@ -318,6 +367,28 @@ def assert_shown(page, setting: list[str], panels: int) -> None:
     named = "v.filter(i => texts.every(t => i.alt.includes(t))).length === 1"
     test = f"([texts, panels]) => {{ const v = {VISIBLE}; return v.length === panels && {named} }}"
     page.wait_for_function(test, arg=[setting, panels])
+
+
+AXE = importlib.resources.files("axe_playwright_python") / "axe.min.js"
+FINDINGS = """async () => {
+  const found = await axe.run(document, {resultTypes: ["violations"]});
+  return found.violations.filter(one => ["serious", "critical"].includes(one.impact))
+    .map(one => `${one.id} (${one.nodes.length}): ${one.nodes[0].html.slice(0, 200)}`);
+}"""
+
+
+@pytest.mark.usefixtures("vendored")
+def test_no_serious_barrier_to_reading_in_light_and_dark(book: Path, address: str, page) -> None:
+    found = []
+    for path in written_pages(book):
+        page.goto(f"{address}/{path.relative_to(book).as_posix()}", wait_until="load")
+        page.wait_for_timeout(300)
+        page.evaluate(AXE.read_text(encoding="utf-8"))
+        for theme in ("light", "dark"):
+            page.evaluate("theme => document.documentElement.dataset.theme = theme", theme)
+            page.wait_for_timeout(200)  # colours fade over
+            found += [f"{path.name}, {theme}: {one}" for one in page.evaluate(FINDINGS)]
+    assert not found, "\n".join(found)
 
 
 def test_the_build_leaves_nothing_for_git(book: Path) -> None:
