@@ -132,6 +132,16 @@ def test_equations_and_functions_lead_to_each_other(book: Path) -> None:
             assert entry.select("div.math"), f"{name} shows no formula"
 
 
+def test_every_symbol_leads_to_where_it_is_introduced(book: Path) -> None:
+    rows = soup(book / "book" / "glossary.html").select("table tbody tr")
+    plain = {
+        " ".join(place.stripped_strings)
+        for place in (row.select("td")[2] for row in rows)
+        if len(place.find_all("a")) != len(place.text.split(","))
+    }
+    assert not plain
+
+
 def test_the_gallery_shows_every_figure(book: Path) -> None:
     drawn = {
         f"{path.name}#{figure['id']}"
