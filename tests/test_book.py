@@ -392,7 +392,7 @@ def test_no_serious_barrier_to_reading_in_light_and_dark(book: Path, address: st
     found = []
     for path in written_pages(book):
         page.goto(f"{address}/{path.relative_to(book).as_posix()}", wait_until="load")
-        page.wait_for_timeout(300)
+        page.evaluate("window.MathJax?.startup?.promise?.then(() => null)")
         page.evaluate(AXE.read_text(encoding="utf-8"))
         for theme in ("light", "dark"):
             page.evaluate("theme => document.documentElement.dataset.theme = theme", theme)
