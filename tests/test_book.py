@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import importlib.resources
+import json
+import re
 import subprocess
 from collections.abc import Iterator
 from pathlib import Path
@@ -105,6 +108,62 @@ def test_title_language_and_favicon(book: Path) -> None:
         icon = document.find("link", rel="icon")
         assert icon is not None, path
         assert (path.parent / icon["href"]).is_file(), path
+
+
+def test_equations_carry_the_numbers_of_the_thesis(book: Path) -> None:
+    found = {}
+    for path in written_pages(book):
+        for equation in soup(path).select("div.math[id^=equation-eq-]"):
+            if re.fullmatch(r"equation-eq-\d-\d+", equation["id"]):
+                found[equation["id"]] = equation.select_one(".eqno").text.strip("()#¶\uf0c1 ")
+    labels = [f"2-{i}" for i in range(1, 24)] + [f"5-{i}" for i in range(1, 16)]
+    assert found == {f"equation-eq-{x}": x.replace("-", ".") for x in labels}
+
+
+def test_equations_and_functions_lead_to_each_other(book: Path) -> None:
+    reference = {path.name: soup(path) for path in (book / "book").glob("api_*.html")}
+    for page in ("background", "method"):
+        lines = soup(book / "book" / f"{page}.html").select("p.in-code")
+        assert lines
+        for link in (link for line in lines for link in line.find_all("a")):
+            file, _, name = link["href"].partition("#")
+            entry = reference[file].find(id=name).parent
+            assert entry.select(f"a[href*='{page}.html#equation-eq-']"), name
+            assert entry.select("div.math"), f"{name} shows no formula"
+
+
+def test_every_symbol_leads_to_where_it_is_introduced(book: Path) -> None:
+    rows = soup(book / "book" / "glossary.html").select("table tbody tr")
+    plain = {
+        " ".join(place.stripped_strings)
+        for place in (row.select("td")[2] for row in rows)
+        if len(place.find_all("a")) != len(place.text.split(","))
+    }
+    assert not plain
+
+
+def test_the_gallery_shows_every_figure(book: Path) -> None:
+    drawn = {
+        f"{path.name}#{figure['id']}"
+        for path in written_pages(book)
+        if path.name != "index.html"
+        for figure in soup(path).select("figure[id]")
+    }
+    shown = [link["href"] for link in soup(book / "book" / "index.html").select(".gallery a")]
+    assert len(shown) == len(set(shown))
+    assert set(shown) == drawn
+
+
+def test_pages_with_code_offer_a_notebook_and_say_how_long_they_take(book: Path) -> None:
+    for path in written_pages(book):
+        source = (ROOT / "book" / path.name).with_suffix(".md").read_text(encoding="utf-8")
+        links = [a["href"] for a in soup(path).select("a[href$='.ipynb']")]
+        assert bool(links) == ("\nkernelspec:" in source[:500]), path.name
+        for link in links:
+            assert json.loads((path.parent / link).read_text(encoding="utf-8"))["cells"]
+        if links:
+            note = soup(path).select_one(".page-note").text
+            assert re.match(r"Takes (about a second|\d+ (seconds|minutes)) to run", note), path.name
 
 
 def test_pages_stay_light(book: Path) -> None:
@@ -265,11 +324,83 @@ def test_the_slider_over_iterations_shows_each_moment(
         assert_shown(page, [f"after {last} iterations"], panels)
 
 
+SHOWN_BY_ITS_SLIDERS = """handle => {
+  const figure = handle.closest("figure");
+  const shown = [...figure.querySelectorAll(".widget-subarea img")].filter(i => i.offsetParent);
+  const words = shown.map(i => i.alt.replaceAll("-", "\u2212").split(/[\\s:,;]+/)).flat();
+  const handles = [...figure.querySelectorAll(".noUi-handle")];
+  const set = handles.map(h => h.getAttribute("aria-valuetext"));
+  return shown.length === 1 && set.every(value => words.includes(value));
+}"""
+
+
+@pytest.mark.usefixtures("vendored")
+def test_the_formulas_of_the_method_move(book: Path, address: str, page) -> None:
+    for url in open_everywhere(page, book, address, "book/method.html"):
+        page.wait_for_selector(".widget-slider .noUi-handle[aria-label]", state="attached")
+        handles = page.locator("figure .widget-slider .noUi-handle").all()
+        assert len(handles) == 7, url
+        for handle in handles:
+            handle.focus()
+            for key in ("Home", "ArrowRight", "End", "ArrowLeft"):
+                page.keyboard.press(key)
+                page.wait_for_function(SHOWN_BY_ITS_SLIDERS, arg=handle.element_handle())
+
+
+@pytest.mark.usefixtures("vendored")
+@pytest.mark.parametrize(
+    ("figure", "lowest", "highest"),
+    [
+        ("fig-contraction", "gamma = 0.5.", "gamma = 0.99."),
+        ("fig-td-bias", "c = 0.", "c = 0.5."),
+        ("fig-elbo", "mean -1.9 and deviation 0.15 ", "mean 1.9 and deviation 0.9 "),
+        ("fig-gibbs", "N = 10 and lambda = 0.25:", "N = 2560 and lambda = 16:"),
+    ],
+)
+def test_the_formulas_of_the_background_move(
+    book: Path, address: str, page, figure: str, lowest: str, highest: str
+) -> None:
+    for _ in open_everywhere(page, book, address, "book/background.html"):
+        handles = page.locator(f"#{figure} .noUi-handle")
+        handles.first.wait_for(state="attached")
+        for key, text in (("Home", lowest), ("End", highest)):
+            for handle in handles.all():
+                handle.focus()
+                page.keyboard.press(key)
+            page.wait_for_function(
+                "([id, text]) => { const v = [...document.querySelectorAll(`#${id} img`)]"
+                ".filter(i => i.offsetParent); return v.length === 1 && v[0].alt.includes(text) }",
+                arg=[figure, text],
+            )
+
+
 def assert_shown(page, setting: list[str], panels: int) -> None:
     """One picture is visible in each panel, and one description names the setting."""
     named = "v.filter(i => texts.every(t => i.alt.includes(t))).length === 1"
     test = f"([texts, panels]) => {{ const v = {VISIBLE}; return v.length === panels && {named} }}"
     page.wait_for_function(test, arg=[setting, panels])
+
+
+AXE = importlib.resources.files("axe_playwright_python") / "axe.min.js"
+FINDINGS = """async () => {
+  const found = await axe.run(document, {resultTypes: ["violations"]});
+  return found.violations.filter(one => ["serious", "critical"].includes(one.impact))
+    .map(one => `${one.id} (${one.nodes.length}): ${one.nodes[0].html.slice(0, 200)}`);
+}"""
+
+
+@pytest.mark.usefixtures("vendored")
+def test_no_serious_barrier_to_reading_in_light_and_dark(book: Path, address: str, page) -> None:
+    found = []
+    for path in written_pages(book):
+        page.goto(f"{address}/{path.relative_to(book).as_posix()}", wait_until="load")
+        page.evaluate("window.MathJax?.startup?.promise?.then(() => null)")
+        page.evaluate(AXE.read_text(encoding="utf-8"))
+        for theme in ("light", "dark"):
+            page.evaluate("theme => document.documentElement.dataset.theme = theme", theme)
+            page.wait_for_timeout(200)  # colours fade over
+            found += [f"{path.name}, {theme}: {one}" for one in page.evaluate(FINDINGS)]
+    assert not found, "\n".join(found)
 
 
 def test_the_build_leaves_nothing_for_git(book: Path) -> None:

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from PIL import Image
 
@@ -132,7 +133,11 @@ def power_of_ten(value: float) -> str:
 
 def small_png(figure: Figure, colours: int = 64) -> bytes:
     """The figure as a PNG with a palette: a tenth of the bytes, for pages with many pictures."""
-    picture = Image.open(io.BytesIO(png(figure))).convert("RGB").quantize(colours)
+    # drawn once; saving as a PNG first would draw it twice and encode it for nothing
+    figure.set_dpi(STYLE["savefig.dpi"])
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()
+    picture = Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB").quantize(colours)
     out = io.BytesIO()
     picture.save(out, format="png", optimize=True)
     return out.getvalue()

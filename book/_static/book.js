@@ -59,6 +59,14 @@
   });
 })();
 
+/* The arrows that fold the table of contents get a spoken name: the theme gives them none. */
+document.addEventListener("DOMContentLoaded", () => {
+  for (const arrow of document.querySelectorAll(".bd-sidebar-primary summary")) {
+    const chapter = arrow.closest("li")?.querySelector("a")?.textContent.trim();
+    arrow.setAttribute("aria-label", `Pages of ${chapter ?? "this part"}`);
+  }
+});
+
 /* Pages opened from disk may not read each other, so search there shows titles without excerpts. */
 if (location.protocol === "file:" && typeof DOCUMENTATION_OPTIONS !== "undefined") {
   DOCUMENTATION_OPTIONS.SHOW_SEARCH_SUMMARY = false;

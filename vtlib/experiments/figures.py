@@ -59,6 +59,14 @@ def returns_figure(name: str, labels: Sequence[str]) -> Figure:
         return learning_figure(stored_panels(name, labels), best, limits_of(named(name)))
 
 
+def learning_return_figure(name: str, labels: Sequence[str]) -> Figure:
+    """Only the learning return of an experiment's algorithms, with the mean optimum dashed."""
+    (title, curves), *_ = stored_panels(name, labels).items()
+    with look():
+        best = float(optimum(name).mean())
+        return learning_figure({title: curves}, best, limits_of(named(name)))
+
+
 def limits_of(experiment: Experiment) -> tuple[float, float]:
     """Limits of the axis of returns."""
     return domain(experiment.family).limits

@@ -22,7 +22,7 @@ MAZES = MazePool(
     "maze-sources",
     MazeFamily(),
     count=20,
-    iterations=100_000,
+    iterations=SOURCE_ITERATIONS,
     limit=1_000_000,
     check_every=5_000,
     settings=replace(MAZE_DDQN, epsilon_steps=SOURCE_ITERATIONS // 10),

@@ -1,0 +1,131 @@
+"""Sphinx extension: the reference of the library, from its docstrings.
+
+A page says which modules it documents, ``<!-- modules: vtlib.envs.* -->``; new files of the library
+that match are documented without further work. Docstrings are plain text with a little Markdown,
+as Gymnasium has it, and become what Sphinx reads; each function is followed by its equations.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from fnmatch import fnmatchcase
+from pathlib import Path
+from typing import Any
+
+from equations import computed_by, formulas
+
+ROOT = Path(__file__).resolve().parents[2]
+MODULES = re.compile(r"<!-- modules:(.*?)-->", re.DOTALL)
+FORMULAS = formulas()
+
+
+def modules(root: Path = ROOT) -> list[str]:
+    """Dotted names of the library's public modules, packages before what they hold."""
+    paths = (path.relative_to(root).with_suffix("") for path in (root / "vtlib").rglob("*.py"))
+    names = (".".join(path.parts).removesuffix(".__init__") for path in paths)
+    return sorted(name for name in names if "._" not in name)
+
+
+def matching(patterns: str) -> list[str]:
+    """Modules that one of the patterns names, in the order of the patterns."""
+    found = [name for one in patterns.split() for name in modules() if fnmatchcase(name, one)]
+    return list(dict.fromkeys(found))
+
+
+def section(name: str) -> str:
+    """Markdown of one module's section."""
+    directive = f"```{{eval-rst}}\n.. automodule:: {name}\n   :members:\n```\n"
+    return f"## {name.removeprefix('vtlib.')}\n\n{directive}"
+
+
+def overview(names: list[str]) -> str:
+    """Markdown of a table of modules with the first sentence of each."""
+    rows = "\n".join(f"   {name}" for name in names)
+    return f"```{{eval-rst}}\n.. autosummary::\n\n{rows}\n```\n"
+
+
+def list_modules(app: Any, docname: str, source: list[str]) -> None:
+    """Put the modules that a page asks for in the place of its comment."""
+
+    def listed(found: re.Match) -> str:
+        names = matching(found[1])
+        return "\n".join([overview(names), *map(section, names)])
+
+    source[0] = MODULES.sub(listed, source[0])
+
+
+def inline(line: str) -> str:
+    """One line of plain text with code in backticks, safe for Sphinx."""
+    parts = re.split(r"(`+[^`]+`+)", line)
+    for index, part in enumerate(parts):
+        if index % 2:
+            parts[index] = f"``{part.strip('`')}``"
+        else:
+            part = part.replace("\\", "\\\\").replace("|", "\\|")
+            part = re.sub(r"(?<=\w)_(?!\w)", r"\\_", part)
+            if part.count("*") % 2:  # a product or an argument, not a word in italics
+                part = part.replace("*", "\\*")
+            parts[index] = re.sub(r"\beq\. (\d)\.(\d+)", known_equation, part)
+    return "".join(parts)
+
+
+def known_equation(found: re.Match) -> str:
+    """A reference to an equation of the book, or the words as they were."""
+    label = f"eq-{found[1]}-{found[2]}"
+    return f"eq. :eq:`{label}`" if label in FORMULAS else found[0]
+
+
+def table(rows: list[str]) -> Iterator[str]:
+    """A Markdown table as Sphinx reads it."""
+    yield from ("", ".. list-table::", "   :header-rows: 1", "")
+    for row in (rows[0], *rows[2:]):
+        for index, cell in enumerate(re.split(r"(?<!\\)\|", row.strip())[1:-1]):
+            yield f"   {'-' if index else '* -'} {inline(cell.strip())}".replace("   - ", "     - ")
+    yield ""
+
+
+def converted(lines: list[str]) -> Iterator[str]:
+    """Lines of a docstring in the notation that Sphinx reads."""
+    rows: list[str] = []
+    for line in (*lines, ""):
+        if line.lstrip().startswith("|"):
+            rows.append(line)
+            continue
+        if rows:
+            yield from table(rows)
+            rows = []
+        heading = re.fullmatch(r"##+ (.*)", line.strip())
+        yield from ("", f".. rubric:: {heading[1]}", "") if heading else (inline(line),)
+
+
+def add_equations(name: str) -> Iterator[str]:
+    """Lines with the equations that a documented object computes."""
+    for label in computed_by(name.removeprefix("vtlib.")):
+        yield from ("", f"Equation :eq:`{label}`:", "", ".. math::", "")
+        yield from (f"   {line}" for line in FORMULAS[label].splitlines())
+    yield ""
+
+
+def read_docstring(
+    app: Any, what: str, name: str, obj: Any, options: Any, lines: list[str]
+) -> None:
+    """Convert a docstring and add its equations."""
+    lines[:] = [*converted(lines), *add_equations(name)]
+
+
+def skip_field(app: Any, what: str, name: str, obj: Any, skip: bool, options: Any) -> bool | None:
+    """Leave out what a named tuple says of its fields, 'Alias for field number 0'."""
+    alias = (getattr(obj, "__doc__", None) or "").startswith("Alias for field number")
+    return True if alias else None
+
+
+def setup(app: Any) -> dict[str, Any]:
+    """Register with Sphinx."""
+    app.setup_extension("sphinx.ext.autodoc")
+    app.setup_extension("sphinx.ext.autosummary")
+    app.setup_extension("sphinx.ext.napoleon")
+    app.connect("source-read", list_modules)
+    app.connect("autodoc-process-docstring", read_docstring)
+    app.connect("autodoc-skip-member", skip_field)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}

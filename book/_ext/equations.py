@@ -1,0 +1,128 @@
+"""Sphinx extension: an equation leads to the code that computes it, and names in the text do, too.
+
+``EQUATIONS`` is the one list of which function computes which equation; the pages show it under the
+equations, and the reference of the library beside the functions.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from docutils import nodes
+from sphinx.util import logging
+from sphinx.util.nodes import make_refnode
+
+LOGGER = logging.getLogger(__name__)
+BOOK = Path(__file__).resolve().parents[1]
+
+# Names below vtlib. Definitions of sets and problems that nothing computes are not listed.
+EQUATIONS = {
+    "eq-2-1": ("illustrations.bellman.policy_values",),
+    "eq-2-3": ("illustrations.bellman.optimal_values",),
+    "eq-2-4": ("illustrations.bellman.policy_values",),
+    "eq-2-5": ("illustrations.bellman.policy_operator",),
+    "eq-2-6": ("planning.Plan.value",),
+    "eq-2-7": ("planning.Plan.greedy",),
+    "eq-2-8": ("illustrations.bellman.optimal_values",),
+    "eq-2-9": ("illustrations.bellman.optimal_operator",),
+    "eq-2-11": ("illustrations.bellman.sup_distance", "illustrations.bellman.applications_until"),
+    "eq-2-12": ("qfunctions.RBFLinear.q", "qfunctions.MLP.q"),
+    "eq-2-13": ("illustrations.td_bias.squared_bellman_error",),
+    "eq-2-14": ("illustrations.td_bias.squared_td_error",),
+    "eq-2-15": ("mellow.td_error", "illustrations.td_bias.td_errors"),
+    "eq-2-16": ("illustrations.elbo.log_posterior",),
+    "eq-2-17": ("gaussian.kl", "illustrations.elbo.kl", "illustrations.gibbs.kl"),
+    "eq-2-19": ("illustrations.elbo.elbo",),
+    "eq-2-20": ("illustrations.elbo.best_gaussian",),
+    "eq-2-21": ("illustrations.gibbs.draw_losses",),
+    "eq-2-22": ("illustrations.gibbs.true_risk",),
+    "eq-2-23": ("illustrations.gibbs.gibbs_posterior",),
+    "eq-5-1": ("illustrations.collapse.gibbs",),
+    "eq-5-2": ("transfer.VariationalTransfer.learn",),
+    "eq-5-3": ("mellow.mellowmax",),
+    "eq-5-4": ("mellow.td_cotangent", "transfer.td_gradients"),
+    "eq-5-5": ("gaussian.sources_mean_and_spread",),
+    "eq-5-6": ("gaussian.sources_mean_and_spread", "gaussian.covariance_factor"),
+    "eq-5-7": ("gaussian.kl", "mixture.pairwise_kl"),
+    "eq-5-8": ("gaussian.kl_gradients",),
+    "eq-5-9": ("gaussian.kl_gradients",),
+    "eq-5-10": ("transfer.VariationalTransfer.learn",),
+    "eq-5-11": ("factor.CholeskyFactors.step", "factor_deferred.DeferredFactors.step"),
+    "eq-5-12": ("mixture.kl_bound",),
+    "eq-5-13": ("mixture.kl_bound",),
+    "eq-5-14": ("mixture.responsibilities",),
+    "eq-5-15": ("mixture.responsibilities",),
+}
+LABELLED = re.compile(r"^ *\$\$\n([^$]*)\n *\$\$ \((eq-\d-\d+)\)", re.MULTILINE)
+
+
+def formulas(book: Path = BOOK) -> dict[str, str]:
+    """LaTeX of every equation that carries one of the thesis' numbers, by label."""
+    found = {}
+    for page in sorted(book.glob("*.md")):
+        for text, label in LABELLED.findall(page.read_text(encoding="utf-8")):
+            found[label] = "\n".join(line.strip() for line in text.splitlines())
+    return found
+
+
+def computed_by(name: str) -> list[str]:
+    """Labels of the equations that a dotted name below vtlib computes, in the thesis' order."""
+    return [label for label, names in EQUATIONS.items() if name in names]
+
+
+def add_code_lines(app: Any, doctree: nodes.document) -> None:
+    """Name the functions under each equation that they compute."""
+    for block in list(doctree.findall(nodes.math_block)):
+        names = EQUATIONS.get(block.get("label"))
+        if names:
+            line = nodes.paragraph(classes=["in-code"])
+            line += nodes.Text("In code: ")
+            for index, name in enumerate(names):
+                if index:
+                    line += nodes.Text(", ")
+                line += nodes.literal(text=f"vtlib.{name}")
+            block.parent.insert(block.parent.index(block) + 1, line)
+
+
+def target(objects: dict[str, Any], text: str) -> str | None:
+    """The documented object that a piece of code in the text names, if any."""
+    name = text.partition("(")[0]
+    if name.startswith("Settings."):
+        name = "Settings"
+    candidates = (name, f"vtlib.{name}", f"vtlib.transfer.{name}")
+    return next((x for x in candidates if x.startswith("vtlib.") and x in objects), None)
+
+
+def bare_literals(doctree: nodes.document) -> Iterator[nodes.literal]:
+    """Pieces of code in the text that do not lead anywhere yet."""
+    for literal in list(doctree.findall(nodes.literal)):
+        if not isinstance(literal.parent, nodes.reference):
+            yield literal
+
+
+def link_names(app: Any, doctree: nodes.document, docname: str) -> None:
+    """Lead every name of the library in the text to its place in the reference."""
+    objects = app.env.get_domain("py").objects
+    if not any(name.startswith("vtlib.") for name in objects):
+        return
+    for literal in bare_literals(doctree):
+        text = literal.astext()
+        name = target(objects, text)
+        if name:
+            entry = objects[name]
+            link = make_refnode(
+                app.builder, docname, entry.docname, entry.node_id, literal.deepcopy(), name
+            )
+            literal.replace_self(link)
+        elif re.fullmatch(r"vtlib(\.\w+)+", text):
+            LOGGER.warning("the reference of the library has no %s", text, location=literal)
+
+
+def setup(app: Any) -> dict[str, Any]:
+    """Register with Sphinx."""
+    app.connect("doctree-read", add_code_lines)
+    app.connect("doctree-resolved", link_names)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}

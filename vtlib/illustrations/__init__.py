@@ -1,0 +1,1 @@
+"""Small computations behind the moving formulas of the text."""
