@@ -307,7 +307,8 @@ def test_an_error_in_a_process_of_its_own_is_one_line_without_a_traceback(
 
 
 def test_bench_prints_its_table(monkeypatch, capsys):
-    monkeypatch.setattr(bench, "milliseconds", lambda experiment, label: 1.0)
+    monkeypatch.setattr(bench, "milliseconds", lambda batch: 1.0)
+    monkeypatch.setattr(bench, "shares", lambda batch: dict.fromkeys(bench.PARTS, 0.25))
     monkeypatch.setattr(bench, "sgemm_rate", lambda: 1e9)
     assert cli.main(["bench"]) == 0
     assert "1-MGVT" in capsys.readouterr().out
