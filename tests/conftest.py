@@ -27,7 +27,7 @@ BROWSER_ARGUMENTS = (
 )
 # Set to a folder of built pages to test those instead of building the book.
 BUILT = "VTLIB_BOOK_HTML"
-BUILD_LIMIT = 900  # seconds
+BUILD_LIMIT = 1800  # seconds
 
 _build: list[tuple[subprocess.Popen, Path]] = []
 

@@ -44,7 +44,7 @@ def test_every_page_of_an_experiment_shows_its_own_claims():
             assert path.stem in judged.PAGES
 
 
-def test_the_table_has_a_row_and_a_link_for_each_claim(found):
+def test_the_table_has_a_row_for_each_claim_and_a_link_for_each_page(found):
     class Reader(HTMLParser):
         rows, links = 0, []
 
@@ -55,9 +55,10 @@ def test_the_table_has_a_row_and_a_link_for_each_claim(found):
 
     reader = Reader()
     reader.feed(scorecard.table(found))
-    assert reader.rows == 1 + sum(map(len, found.values()))
-    assert reader.links[0] == "rooms_evaluation.html#the-claims"
-    assert sum(scorecard.counts(found).values()) == len(reader.links)
+    claims = sum(map(len, found.values()))
+    assert reader.rows == 1 + len(found) + claims
+    assert reader.links == [f"{page}.html#the-claims" for page in found]
+    assert sum(scorecard.counts(found).values()) == claims
 
 
 def test_the_bounds_have_reasons():

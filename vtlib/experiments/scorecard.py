@@ -33,16 +33,23 @@ def counts(found: dict[str, list[Claim]]) -> dict[str, int]:
 
 
 def table(found: dict[str, list[Claim]]) -> str:
-    """All claims as an HTML table, each with a link to the page that shows its figure."""
-    rows = "".join(
-        f"<tr><td><a href='{page}.html#the-claims'>{escape(one.text)}</a></td>"
-        f"<td class='verdict {one.verdict.split()[0]}'>{escape(one.verdict)}</td>"
-        f"<td>{escape(one.test)}</td><td>{escape(one.evidence)}</td></tr>"
-        for page, each in found.items()
-        for one in each
-    )
-    head = "<tr><th>Claim</th><th>Verdict</th><th>Test</th><th>Numbers</th></tr>"
+    """All claims as an HTML table, by the pages that show their figures."""
+    rows = "".join(_head(page) + "".join(map(_row, each)) for page, each in found.items())
+    head = "<tr><th>Claim and test</th><th>Verdict</th><th>Numbers</th></tr>"
     return f"<table class='claims'><thead>{head}</thead><tbody>{rows}</tbody></table>"
+
+
+def _head(page: str) -> str:
+    figure = (judged.PAGES[page].__doc__ or "").rstrip(".")
+    return f"<tr><th colspan='3'><a href='{page}.html#the-claims'>{escape(figure)}</a></th></tr>"
+
+
+def _row(one: Claim) -> str:
+    return (
+        f"<tr><td>{escape(one.text)}<br><small>{escape(one.test)}</small></td>"
+        f"<td class='verdict {one.verdict.split()[0]}'>{escape(one.verdict)}</td>"
+        f"<td>{escape(one.evidence)}</td></tr>"
+    )
 
 
 def thresholds_table() -> str:
