@@ -9,7 +9,9 @@ from vtlib.experiments.control import (
     CARTPOLE_SLIDERS,
 )
 from vtlib.experiments.experiment import Experiment
+from vtlib.experiments.mazes import MAZE_SLIDERS, MAZE_TARGETS
 from vtlib.experiments.rooms import (
+    ROOMS_CALIBRATION,
     ROOMS_CHANGE,
     ROOMS_CHANGE_SLIDERS,
     ROOMS_EVALUATION,
@@ -29,7 +31,10 @@ __all__ = [
     "CARTPOLE_SLIDERS",
     "CAR_SLIDERS",
     "EXPERIMENTS",
+    "MAZE_SLIDERS",
+    "MAZE_TARGETS",
     "POOLS",
+    "ROOMS_CALIBRATION",
     "ROOMS_CHANGE",
     "ROOMS_CHANGE_SLIDERS",
     "ROOMS_EVALUATION",
@@ -61,6 +66,9 @@ EXPERIMENTS = {
         CARTPOLE_COLLAPSE,
         CAR,
         CAR_SLIDERS,
+        *MAZE_TARGETS.values(),
+        MAZE_SLIDERS,
+        ROOMS_CALIBRATION,
     )
 }
 POOLS = {e.pool.name: e.pool for e in EXPERIMENTS.values()}

@@ -9,6 +9,7 @@ from vtlib.claims import Claim, Returns
 from vtlib.experiments import (
     CAR,
     CARTPOLE,
+    MAZE_TARGETS,
     ROOMS_CHANGE,
     ROOMS_EVALUATION,
     ROOMS_EXPLORATION,
@@ -144,6 +145,22 @@ def mountain_car() -> list[Claim]:
     ]
 
 
+def mazes() -> list[Claim]:
+    """Section 6.3, Figure 6.12."""
+    runs = {e.family.names[0]: _runs(e) for e in MAZE_TARGETS.values()}
+    found = []
+    for maze, mine in runs.items():
+        ddqn, end = mine["DDQN"], int(mine["DDQN"].iterations[-1])
+        each = [claims.transfers_negatively("GVT", mine["GVT"], "DDQN", ddqn)]
+        each += [claims.learns_faster(x, mine[x], "DDQN", ddqn, end) for x in MIXTURES]
+        found += [claims.in_task(maze, claim) for claim in each]
+    alone = {maze: mine["DDQN"] for maze, mine in runs.items()}
+    for label in MIXTURES:
+        with_ = {maze: mine[label] for maze, mine in runs.items()}
+        found.append(claims.optimal_only_with(label, with_, "DDQN", alone))
+    return found
+
+
 # The pages in the book's order.
 PAGES: Mapping[str, Callable[[], list[Claim]]] = {
     judge.__name__: judge
@@ -155,6 +172,7 @@ PAGES: Mapping[str, Callable[[], list[Claim]]] = {
         rooms_number_of_sources,
         cartpole,
         mountain_car,
+        mazes,
     )
 }
 
