@@ -40,7 +40,13 @@ def pair(kind: str, d: int, clip: float = CLIP) -> tuple[DeferredFactors, Choles
     )
 
 
-def assert_alike(deferred: DeferredFactors, plain: CholeskyFactors, steps: int, scale: float):
+def assert_alike(
+    deferred: DeferredFactors,
+    plain: CholeskyFactors,
+    steps: int,
+    scale: float,
+    strength: float = 3.0,
+):
     """Both take the same steps; every product and the factors agree to float32 accuracy."""
     for t in range(steps):
         if t % AHEAD == 0:
@@ -50,7 +56,7 @@ def assert_alike(deferred: DeferredFactors, plain: CholeskyFactors, steps: int, 
         expected = plain.product(0)
         close = 2e-5 * float(expected.abs().max())
         torch.testing.assert_close(deferred.product(t % AHEAD), expected, rtol=0, atol=close)
-        weight = 3.0 / (t + 1)
+        weight = strength / (t + 1)
         for each in (deferred, plain):
             each.step(gradients[t % AHEAD], noise[t % AHEAD, :, 1:], weight)
     close = 2e-5 * float(plain.L.abs().max())
@@ -69,6 +75,12 @@ def test_five_hundred_steps_equal_the_plain_update_with_the_diagonal_held(kind):
 @pytest.mark.parametrize("d", [1, PANEL, PANEL + 1])
 def test_any_size_will_do(kind, d):
     assert_alike(*pair(kind, d), 3 * AHEAD, scale=0.3)
+
+
+@pytest.mark.parametrize("kind", ["isotropic", "low rank"])
+def test_a_strong_pull_of_the_kl(kind):
+    # what is kept of W^T L has to shrink with L
+    assert_alike(*pair(kind, D), 3 * AHEAD, scale=0.05, strength=60.0)
 
 
 def test_a_scale_that_falls_fast_is_applied_in_time(monkeypatch):

@@ -54,7 +54,7 @@ def _check(judge: Callable[P, Claim]) -> Callable[P, Claim]:
 
     @wraps(judge)
     def told(*arguments: P.args, **named: P.kwargs) -> Claim:
-        return replace(judge(*arguments, **named), test=(judge.__doc__ or "").splitlines()[0])
+        return replace(judge(*arguments, **named), test=(judge.__doc__ or "").partition("\n")[0])
 
     return told
 

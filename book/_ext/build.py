@@ -49,7 +49,8 @@ def build(fresh: bool) -> int:
     print("--> Pages", flush=True)
     tool = Path(sys.executable).with_name("jupyter-book")
     command = [str(tool), "build", ".", "-W", "-n", "--keep-going"]
-    environment = os.environ | {"NO_COLOR": "1", "PYTHONUNBUFFERED": "1"}
+    # one thread: small tensors gain nothing by more, and lose much where cores are busy
+    environment = os.environ | {"NO_COLOR": "1", "PYTHONUNBUFFERED": "1", "OMP_NUM_THREADS": "1"}
     status = subprocess.run(command, cwd=ROOT, env=environment, check=False).returncode
     if status == 0:
         (BUILD / "failed").unlink()
