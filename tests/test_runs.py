@@ -177,11 +177,10 @@ def test_batches_of_visits_join_along_the_runs(monkeypatch, tmp_path):
     monkeypatch.setitem(EXPERIMENTS, kept.name, kept)
     monkeypatch.setitem(POOLS, POOL.name, POOL)
     monkeypatch.setattr(work, "BATCH", 4)
-    monkeypatch.setattr(work, "pool_weights", lambda pool, root: WEIGHTS)
     units = [unit for unit in work.run_units(kept) if unit.label != "tasks"]
     assert [unit.members for unit in units] == [(0, 1, 2, 3), (4, 5)]
     for unit in units:
-        work.run_unit(unit, tmp_path, lambda unit, share: True)
+        work.keep(unit, *work.compute(unit, WEIGHTS), tmp_path)
     work.join_finished(units, tmp_path)
     arrays, note = work.load_result(kept.name, "from-2", tmp_path)
     whole = run_batch(kept, "from-2", range(6), WEIGHTS)
@@ -195,7 +194,7 @@ def test_batches_of_visits_join_along_the_runs(monkeypatch, tmp_path):
 )
 def test_a_result_of_other_tasks_or_sources_is_refused(monkeypatch, tmp_path, changed):
     monkeypatch.setitem(EXPERIMENTS, TINY.name, TINY)
-    note = {"config": work.config_of(TINY.name, "from-2")}
+    note = {"config": work.config_of(TINY, "from-2")}
     store.save(tmp_path / TINY.name / "from-2", {"run": np.arange(6)}, note)
     work.load_result(TINY.name, "from-2", tmp_path)
     monkeypatch.setitem(EXPERIMENTS, TINY.name, replace(TINY, **changed))

@@ -135,6 +135,28 @@ def difference_interval(a: np.ndarray, b: np.ndarray) -> Interval:
     return mean_interval(a - b)
 
 
+def same_distribution_p(
+    a: np.ndarray, b: np.ndarray, rng: np.random.Generator, draws: int = 10_000
+) -> float:
+    """P value of the hypothesis that paired runs a (R,) and b (R,) could be exchanged.
+
+    Statistic: the Kolmogorov-Smirnov distance of the two samples, the largest difference between
+    their empirical distributions; its law under the hypothesis comes from exchanging the two runs
+    of random pairs, so runs of equal seeds may depend on each other. Source: Good (2005).
+    """
+    a, b = np.asarray(a, dtype=np.float64), np.asarray(b, dtype=np.float64)
+    if a.shape != b.shape or a.ndim != 1 or not len(a):
+        raise ValueError(f"needs pairs of runs, both (R,), got {a.shape} and {b.shape}")
+    pairs = np.stack([a, b], 1)
+    order = np.argsort(pairs, axis=None, kind="stable")
+    ends = np.append(np.diff(pairs.ravel()[order]) > 0, True)  # equal values make one step
+    signs = rng.choice((-1, 1), size=(draws, len(a)))
+    signs = np.concatenate([np.ones((1, len(a)), dtype=signs.dtype), signs])
+    steps = np.stack([signs, -signs], 2).reshape(len(signs), -1)[:, order]
+    distances = np.abs(np.where(ends, steps.cumsum(1), 0)).max(1)
+    return float((distances[1:] >= distances[0]).sum() + 1) / (draws + 1)
+
+
 def slope_interval(x: np.ndarray, y: np.ndarray) -> Interval:
     """Least-squares slope of y on x, both (R,), with its 95% Student interval.
 

@@ -73,6 +73,11 @@ def load(path: Path) -> tuple[Arrays, dict[str, Any]]:
         raise TornResult(f"{path} cannot be read: {error}") from error
 
 
+def provenance(path: Path) -> dict[str, Any]:
+    """The provenance of a stored result, whose arrays are not read."""
+    return json.loads(path.with_name(path.name + ".json").read_text())
+
+
 def exists(path: Path) -> bool:
     """Whether a complete result is stored at path."""
     return path.with_name(path.name + ".json").exists()

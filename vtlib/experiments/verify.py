@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from vtlib import sources, store
-from vtlib.experiments import POOLS, named
+from vtlib.experiments import POOLS, named, work
 from vtlib.experiments import runs as runs_of
 from vtlib.experiments.work import load_result, pool_weights
 
@@ -50,10 +50,5 @@ def _task_mismatches(owner: str, arrays: store.Arrays) -> list[int]:
 
 
 def results_of(name: str) -> list[tuple[str, str]]:
-    """Every stored result behind an experiment, as (owner, label)."""
-    experiment = named(name)
-    return [
-        (experiment.pool.name, "sources"),
-        (experiment.name, "tasks"),
-        *((experiment.name, label) for label in experiment.algorithms),
-    ]
+    """Every stored result behind an experiment, by the names of owner and label."""
+    return [(owner.name, label) for owner, label in work.results_of(named(name))]
