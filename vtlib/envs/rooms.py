@@ -121,7 +121,8 @@ class Rooms:
         # dy is never 0 where a wall is crossed; what it gives elsewhere is masked by `crosses`.
         x_at_wall = x + dx * ((self.walls - y) / dy)
         outside = (x_at_wall - self.doors).abs() > DOOR_WIDTH / 2
-        return (crosses & outside).any(1, keepdim=True)
+        blocked: Tensor = crosses & outside
+        return blocked.any(1, keepdim=True)
 
     def _check_step(self, state: Tensor, action: Tensor, noise: Tensor) -> None:
         runs = len(self.doors)
