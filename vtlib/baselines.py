@@ -6,6 +6,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import torch
 from torch import Tensor
@@ -96,7 +97,7 @@ class EpsilonGreedyLearner(ABC):
         self._buffer = ReplayBuffer(len(w), settings.buffer, obs_dim)
         self._steps = 0
 
-    def act(self, obs: Tensor, fresh: Tensor) -> Tensor:
+    def act(self, obs: Tensor, fresh: Tensor | None) -> Tensor:
         """Epsilon-greedy actions (R,)."""
         s = self._settings
         progress = min(1.0, self._steps / s.epsilon_steps)
@@ -148,7 +149,7 @@ class DDQN(EpsilonGreedyLearner):
 
     _settings: DDQNSettings
 
-    def __init__(self, *arguments, **named) -> None:
+    def __init__(self, *arguments: Any, **named: Any) -> None:
         super().__init__(*arguments, **named)
         self._target = self.mu.clone()
 

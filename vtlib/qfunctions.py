@@ -63,7 +63,7 @@ class RBFLinear:
         axes = apart.square_().mul_(-self._rate)
         axes = axes.sub_(axes.amax(-2, keepdim=True)).clamp_(min=FAR).exp_()
         axes = axes.div_(axes.sum(-2, keepdim=True))
-        axes = nn.functional.threshold_(axes, ROUNDING, 0.0)
+        axes = torch.threshold_(axes, ROUNDING, 0.0)
         return (axes[:, 0].unsqueeze(2) * axes[:, 1].unsqueeze(1)).flatten(1, 2)
 
     def q(self, w: Tensor, x: Tensor) -> Tensor:
@@ -101,7 +101,8 @@ class MLP:
 
     def q(self, w: Tensor, x: Tensor) -> Tensor:
         """Values (R, K, A, B) of weights (R, K, d) at prepared observations."""
-        return self._forward(w, x)[1][-1].unflatten(0, w.shape[:2])
+        values: Tensor = self._forward(w, x)[1][-1].unflatten(0, w.shape[:2])
+        return values
 
     def vjp(self, w: Tensor, x: Tensor) -> tuple[Tensor, Callable[[Tensor], Tensor]]:
         """Values, and the map from a cotangent (R, K, A, B) to a gradient (R, K, d)."""
@@ -197,7 +198,8 @@ class ModuleQ:
 
     def vjp(self, w: Tensor, x: Tensor) -> tuple[Tensor, Callable[[Tensor], Tensor]]:
         """Values, and the map from a cotangent (R, K, A, B) to a gradient (R, K, d)."""
-        values, pullback = vjp(lambda weights: self.q(weights, x), w)
+        # torch cannot say that it returns a pair unless it is asked for more
+        values, pullback = vjp(lambda weights: self.q(weights, x), w)  # type: ignore[misc]
         return values, lambda cotangent: pullback(cotangent)[0]
 
     def _single(self, w: Tensor, x: Tensor) -> Tensor:
@@ -206,4 +208,5 @@ class ModuleQ:
             name: part.view(shape)
             for (name, shape), part in zip(self._shapes.items(), parts, strict=True)
         }
-        return functional_call(self._module, named, (x,)).transpose(-1, -2)
+        values: Tensor = functional_call(self._module, named, (x,))
+        return values.transpose(-1, -2)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import torch
@@ -78,7 +79,9 @@ def pool_tasks(pool: Pool, sources: Sequence[int]) -> Tasks:
 
 def draw_tasks(family: Family, experiment: str, runs: Sequence[int]) -> Tasks:
     """One task for each run, whatever the other runs are."""
-    return family.join([family.sample(generator(experiment, run, "task"), 1) for run in runs])
+    # Any: the family's own kind of tasks
+    drawn: list[Any] = [family.sample(generator(experiment, run, "task"), 1) for run in runs]
+    return family.join(drawn)
 
 
 class SourceTraining:
@@ -122,7 +125,7 @@ class SourceTraining:
 
 
 def solve(
-    pool: Pool, sources: Sequence[int], progress: Callable[[int], None] = lambda done: None
+    pool: Pool, sources: Sequence[int], progress: Callable[[int], object] = lambda done: None
 ) -> dict[str, np.ndarray]:
     """Train and check some sources of a pool until each is solved or the limit is reached.
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import ClassVar
 
 import torch
 from torch import Tensor
@@ -67,7 +66,7 @@ class Settings:
     init: str = "sources"
     act: str = "step"
     covariance: str = "full"
-    patience: ClassVar[int] = 0
+    patience = 0  # without an annotation it is no field: only `PatientSettings` store it
 
     def __post_init__(self) -> None:
         check_psi(self.psi)
@@ -141,7 +140,8 @@ class VariationalTransfer:
     @property
     def L(self) -> Tensor:
         """The posterior's Cholesky factors, (R, C, d, d)."""
-        return self._factors.L.unflatten(0, self.mu.shape[:2])
+        factors: Tensor = self._factors.L.unflatten(0, self.mu.shape[:2])
+        return factors
 
     def act(self, obs: Tensor, fresh: Tensor) -> Tensor:
         """Greedy actions (R,) of one posterior sample; fresh (R,) marks first steps of episodes."""
