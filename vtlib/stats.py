@@ -18,9 +18,9 @@ STUDENT_95 = (
 class Interval(NamedTuple):
     """A central value with the ends of its 95 % confidence interval."""
 
-    centre: np.ndarray
-    low: np.ndarray
-    high: np.ndarray
+    centre: np.ndarray | float
+    low: np.ndarray | float
+    high: np.ndarray | float
 
 
 def mean_interval(values: np.ndarray) -> Interval:
@@ -64,7 +64,8 @@ def interquartile_mean(values: np.ndarray) -> np.ndarray:
     low, high = 0.25 * runs, 0.75 * runs
     at = np.arange(runs)
     weight = np.clip(np.minimum(at + 1, high) - np.maximum(at, low), 0, 1)
-    return np.tensordot(weight, ordered, 1) / weight.sum()
+    mean: np.ndarray = np.tensordot(weight, ordered, 1) / weight.sum()
+    return mean
 
 
 def bootstrap_interval(

@@ -43,7 +43,8 @@ def save(path: Path, arrays: Arrays, provenance: dict[str, Any]) -> None:
         raise FileExistsError(f"{path} holds another result: move it away before computing anew")
     json.dumps(provenance)
     buffer = io.BytesIO()
-    np.savez_compressed(buffer, **arrays)
+    # NumPy's types know only the options among the names
+    np.savez_compressed(buffer, **arrays)  # type: ignore[arg-type]
     data = buffer.getvalue()
     note = {**provenance, "sha256": hashlib.sha256(data).hexdigest()}
     path.parent.mkdir(parents=True, exist_ok=True)

@@ -157,7 +157,7 @@ class LivePanel:
     @property
     def message(self) -> str:
         """What the panel says of the last training."""
-        return self._says.value
+        return str(self._says.value)
 
     def _train(self) -> None:
         lambda_, psi, components = (slider.value for slider in self._axes)
