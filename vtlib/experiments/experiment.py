@@ -68,6 +68,12 @@ class Experiment:
         """Number of the target task of a run."""
         return run // self.runs_per_task
 
+    def transfer_settings(self, label: str) -> Settings:
+        """The settings of an algorithm that transfers."""
+        settings = self.algorithms[label]
+        assert isinstance(settings, Settings), f"{label} does not transfer"
+        return settings
+
     def sources_of(self, label: str) -> int:
         """How many of a run's sources an algorithm uses."""
         return self.counts.get(label, self.sources)
@@ -101,7 +107,7 @@ def sliders_of(
 
     lambdas, psis, components: those of the sliders; lambdas are ``slider_lambdas`` by default.
     """
-    base = experiment.algorithms["1-MGVT"]
+    base = experiment.transfer_settings("1-MGVT")
     return replace(
         experiment,
         name=name,
