@@ -41,9 +41,10 @@ test: $(SET_UP)
 	@$(BIN)/python -m pytest
 
 lint: $(SET_UP)
-	@echo "==> Checking style: a few seconds."
+	@echo "==> Checking style and types: a minute the first time, then seconds."
 	@$(BIN)/ruff check $(PYFILES)
 	@$(BIN)/ruff format --check $(PYFILES)
+	@$(BIN)/mypy
 	@PATH="$(abspath $(BIN)):$$PATH" $(BIN)/nbqa "ruff check" $(PAGES) $(PAGE_RULES)
 	@PATH="$(abspath $(BIN)):$$PATH" $(BIN)/nbqa "ruff format --check" $(PAGES)
 
@@ -65,7 +66,7 @@ reproduce: $(SET_UP)
 	@$(BIN)/python -m vtlib reproduce
 
 clean:
-	rm -rf _build .pytest_cache .ruff_cache .hypothesis .coverage htmlcov book/_static/vendor
+	rm -rf _build .pytest_cache .ruff_cache .mypy_cache .hypothesis .coverage htmlcov book/_static/vendor
 
 distclean: clean
 	rm -rf $(VENV) *.egg-info
