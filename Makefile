@@ -2,13 +2,18 @@
 #   make book       build the book into _build/html
 #   make test       linter and tests, which include building the book from scratch
 #   make lab        open the pages as notebooks in JupyterLab
-#   make reproduce  compute every stored run again
+#   make reproduce  compute everything again from nothing, compare, and draw the book from it
 #   make clean      remove what the above made (make distclean: the environment, too)
 
 PYTHON ?= python3.11
 VENV   ?= .venv
 # For example --no-browser --port=9999.
 LAB_OPTIONS ?=
+# make reproduce ONLY="cartpole rooms-sliders" RUNS=2 JOBS=4, or SCHEDULER=tcp://host:8786
+ONLY ?=
+RUNS ?=
+JOBS ?=
+SCHEDULER ?=
 
 BIN     := $(VENV)/bin
 SET_UP  := $(VENV)/set-up-is-done
@@ -60,10 +65,15 @@ lab: $(SET_UP)
 	@$(BIN)/jupytext-config set-default-viewer markdown python >/dev/null
 	@$(BIN)/jupyter lab $(LAB_OPTIONS) book
 
+# The book is drawn from the new runs when there are all of them, and even if some differ.
 reproduce: $(SET_UP)
-	@echo "==> Computing every stored run again: see the estimate printed below. Ctrl-C is safe: the"
-	@echo "    same command goes on where it was stopped."
-	@$(BIN)/python -m vtlib reproduce
+	@echo "==> Computing stored runs again from nothing: all of them take hours, see the time left."
+	@echo "    Ctrl-C is safe: the same command goes on where it was stopped."
+	@$(BIN)/python -m vtlib reproduce $(addprefix --only ,$(ONLY)) $(addprefix --runs ,$(RUNS)) \
+		$(addprefix --jobs ,$(JOBS)) $(addprefix --scheduler ,$(SCHEDULER)); code=$$?; \
+	if [ $$code -le 1 ] && [ -z "$(ONLY)$(RUNS)" ]; then \
+		$(BIN)/python book/_ext/build.py --results _build/reproduced || exit 1; \
+	fi; exit $$code
 
 clean:
 	rm -rf _build .pytest_cache .ruff_cache .mypy_cache .hypothesis .coverage htmlcov book/_static/vendor

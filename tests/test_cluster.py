@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import signal
 import sys
 import threading
@@ -14,16 +15,16 @@ import pytest
 from distributed import Client, LocalCluster
 
 from vtlib import store
-from vtlib.baselines import MellowTDSettings
-from vtlib.envs.rooms import RoomsFamily
+from vtlib.baselines import DDQNSettings, MellowTDSettings
+from vtlib.envs.cartpole import CartpoleFamily
 from vtlib.experiments import Experiment, schedule, work
 from vtlib.experiments.schedule import cluster, complete
-from vtlib.sources import Pool
+from vtlib.sources import NetworkPool
 from vtlib.transfer import Settings
 
-POOL = Pool(
+POOL = NetworkPool(
     "tiny-pool",
-    RoomsFamily(rooms=2),
+    CartpoleFamily(),  # whose optimum needs no planning
     count=2,
     iterations=210,
     limit=210,
@@ -33,12 +34,12 @@ POOL = Pool(
 TINY = Experiment(
     "tiny",
     POOL,
-    RoomsFamily(rooms=2),
-    {"NT": MellowTDSettings(epsilon_steps=100), "GVT": Settings("gaussian", weights=2)},
-    runs=2,
+    CartpoleFamily(),
+    {"DDQN": DDQNSettings(epsilon_steps=100), "GVT": Settings("gaussian", weights=2)},
+    runs=3,
     sources=2,
-    iterations=300,
-    every=150,
+    iterations=400,
+    every=200,
 )
 
 
@@ -88,7 +89,7 @@ def test_workers_with_other_versions_are_refused(dask, tmp_path, monkeypatch):
 
 
 def test_a_scheduler_that_is_not_there_is_named(tmp_path):
-    with pytest.raises(OSError, match="tcp://127.0.0.1:9"):
+    with pytest.raises(OSError, match=re.escape("tcp://127.0.0.1:9")):
         complete([TINY], tmp_path, cluster("tcp://127.0.0.1:9"), quiet=True)
 
 

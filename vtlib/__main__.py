@@ -23,7 +23,7 @@ def main(arguments: list[str] | None = None) -> int:
     options = _parser().parse_args(arguments)
     torch.set_num_threads(1)
     try:
-        return options.command(options)
+        return int(options.command(options))
     except (ValueError, OSError, store.TornResult, Diverged) as error:
         print(f"vtlib: {error}", file=sys.stderr)
         return 2

@@ -19,6 +19,7 @@ import numpy as np
 import torch
 
 Arrays = dict[str, np.ndarray]
+Note = dict[str, Any]  # plain JSON values
 
 
 class TornResult(RuntimeError):
@@ -26,11 +27,15 @@ class TornResult(RuntimeError):
 
 
 def results_folder() -> Path:
-    """Where the book's stored runs lie: book/results beside the package of a checkout."""
-    return Path(__file__).resolve().parent.parent / "book" / "results"
+    """Where the book's stored runs lie: book/results beside the package of a checkout.
+
+    The environment's VTLIB_RESULTS names another folder, for a book of runs computed anew.
+    """
+    here = Path(__file__).resolve().parent.parent / "book" / "results"
+    return Path(os.environ.get("VTLIB_RESULTS", here))
 
 
-def save(path: Path, arrays: Arrays, provenance: dict[str, Any]) -> None:
+def save(path: Path, arrays: Arrays, provenance: Note) -> None:
     """Write arrays to path.npz and provenance to path.json, atomically and only once.
 
     Writing equal arrays again does nothing. Raises FileExistsError when another result is there.
@@ -53,7 +58,7 @@ def save(path: Path, arrays: Arrays, provenance: dict[str, Any]) -> None:
     _write(path.with_name(path.name + ".json"), text.encode())
 
 
-def load(path: Path) -> tuple[Arrays, dict[str, Any]]:
+def load(path: Path) -> tuple[Arrays, Note]:
     """Arrays and provenance of a stored result.
 
     Raises FileNotFoundError when there is none, TornResult when it is not what was written.
@@ -74,9 +79,10 @@ def load(path: Path) -> tuple[Arrays, dict[str, Any]]:
         raise TornResult(f"{path} cannot be read: {error}") from error
 
 
-def provenance(path: Path) -> dict[str, Any]:
+def provenance(path: Path) -> Note:
     """The provenance of a stored result, whose arrays are not read."""
-    return json.loads(path.with_name(path.name + ".json").read_text())
+    note: Note = json.loads(path.with_name(path.name + ".json").read_text())
+    return note
 
 
 def exists(path: Path) -> bool:

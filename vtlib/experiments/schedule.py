@@ -35,6 +35,7 @@ from vtlib.experiments.work import (
     run_units,
     source_units,
 )
+from vtlib.sources import Pool
 
 GUESS = 1e-3  # seconds per iteration of one run, where none is stored
 
@@ -71,6 +72,8 @@ class Progress:
         self._bar.close()
 
 
+Finished = tuple[store.Arrays, store.Note]
+Message = tuple[str, float] | None
 Workers = Callable[[Progress], AbstractContextManager[Executor]]
 
 
@@ -105,22 +108,19 @@ def _compute_all(
     executor: Executor,
     progress: Progress,
 ) -> None:
-    waiting, running = list(missing), dict[Future, Unit]()
+    waiting, running = list(missing), dict[Future[Finished], Unit]()
     weights: dict[str, np.ndarray] = {}
     while waiting or running:
         blocked = []
         for unit in waiting:
-            if _transfers(unit):
-                pool = unit.owner.pool
-                if not store.exists(root / pool.name / "sources"):
-                    blocked.append(unit)
-                    continue
-                if pool.name not in weights:
-                    weights[pool.name] = pool_weights(pool, root)
-                future = executor.submit(_in_worker, unit, weights[pool.name])
-            else:
-                future = executor.submit(_in_worker, unit, None)
-            running[future] = unit
+            pool = _pool_of(unit)
+            if pool and not store.exists(root / pool.name / "sources"):
+                blocked.append(unit)
+                continue
+            if pool and pool.name not in weights:
+                weights[pool.name] = pool_weights(pool, root)
+            given = weights[pool.name] if pool else None
+            running[executor.submit(_in_worker, unit, given)] = unit
         waiting = blocked
         finished, _ = wait(running, return_when=FIRST_COMPLETED)
         # what is done is kept before an error of another unit ends the work
@@ -131,8 +131,11 @@ def _compute_all(
             progress.tell(str(unit.part), 1)
 
 
-def _transfers(unit: Unit) -> bool:
-    return isinstance(unit.owner, Experiment) and unit.label != "tasks"
+def _pool_of(unit: Unit) -> Pool | None:
+    """The pool whose sources the unit needs, if it does."""
+    if isinstance(unit.owner, Experiment) and unit.label != "tasks":
+        return unit.owner.pool
+    return None
 
 
 def expected_seconds(unit: Unit) -> float:
@@ -141,7 +144,7 @@ def expected_seconds(unit: Unit) -> float:
     if store.exists(path):
         note = store.provenance(path)
         of = note["config"]["count" if unit.label == "sources" else "runs"]
-        return note["seconds"] * len(unit.members) / of
+        return float(note["seconds"] * len(unit.members) / of)
     return GUESS * len(unit.members) * unit.owner.iterations
 
 
@@ -168,10 +171,10 @@ def _processes(jobs: int, progress: Progress) -> Iterator[Executor]:
         watcher.join()
 
 
-_queue: Queue | None = None  # where a process of this machine tells how far it is
+_queue: Queue[Message] | None = None  # where a process of this machine tells how far it is
 
 
-def _begin_worker(queue: Queue) -> None:
+def _begin_worker(queue: Queue[Message]) -> None:
     global _queue
     _queue = queue
     threading.Thread(target=_end_with_parent, daemon=True).start()
@@ -179,11 +182,13 @@ def _begin_worker(queue: Queue) -> None:
 
 def _end_with_parent() -> None:
     """A worker whose parent was killed would otherwise compute on, or wait for ever."""
-    multiprocessing.parent_process().join()
+    parent = multiprocessing.parent_process()
+    assert parent is not None
+    parent.join()
     os._exit(1)
 
 
-def _in_worker(unit: Unit, weights: np.ndarray | None) -> tuple[store.Arrays, dict]:
+def _in_worker(unit: Unit, weights: np.ndarray | None) -> Finished:
     torch.set_num_threads(1)
 
     def report(share: float) -> None:
@@ -193,7 +198,7 @@ def _in_worker(unit: Unit, weights: np.ndarray | None) -> tuple[store.Arrays, di
     return compute(unit, weights, report)
 
 
-def _watch(queue: Queue, progress: Progress) -> None:
+def _watch(queue: Queue[Message], progress: Progress) -> None:
     for part, share in iter(queue.get, None):
         progress.tell(part, share)
 

@@ -82,7 +82,7 @@ def _chunks(count: int, size: int) -> list[tuple[int, ...]]:
 
 def compute(
     unit: Unit, weights: np.ndarray | None, report: Callable[[float], None] = lambda share: None
-) -> tuple[store.Arrays, dict]:
+) -> tuple[store.Arrays, store.Note]:
     """The arrays of one unit, and what it took: seconds of processor, megabytes of memory, machine.
 
     weights (count, d) are those of the pool that runs transfer from; report is told the share done.
@@ -107,6 +107,7 @@ def _compute(
         report(t / owner.iterations)
         return True
 
+    assert weights is not None
     return runs_of.run_batch(owner, unit.label, unit.members, weights, progress)
 
 
@@ -131,7 +132,7 @@ def pool_weights(pool: Pool, root: Path) -> np.ndarray:
     return weights
 
 
-def keep(unit: Unit, arrays: store.Arrays, note: dict, root: Path) -> None:
+def keep(unit: Unit, arrays: store.Arrays, note: store.Note, root: Path) -> None:
     """Store a finished unit among the parts."""
     store.save(root / unit.part, arrays, {**note, "config": config_of(unit.owner, unit.label)})
 
@@ -178,7 +179,9 @@ def _join(parts: Sequence[store.Arrays]) -> store.Arrays:
     }
 
 
-def _provenance(group: Sequence[Unit], parts: Sequence[tuple[store.Arrays, dict]]) -> dict:
+def _provenance(
+    group: Sequence[Unit], parts: Sequence[tuple[store.Arrays, store.Note]]
+) -> store.Note:
     owner, label = group[0].owner, group[0].label
     notes = [note for _, note in parts]
     return {
@@ -193,11 +196,11 @@ def _provenance(group: Sequence[Unit], parts: Sequence[tuple[store.Arrays, dict]
     }
 
 
-def config_of(owner: Pool | Experiment, label: str) -> dict:
+def config_of(owner: Pool | Experiment, label: str) -> store.Note:
     """The configuration behind a stored result, as plain JSON values."""
     if isinstance(owner, Pool):
         return _plain(asdict(owner))
-    config = {
+    config: store.Note = {
         "runs": owner.runs,
         "sources": owner.sources,
         "pool": owner.pool.name,
@@ -221,16 +224,17 @@ def config_of(owner: Pool | Experiment, label: str) -> dict:
     return _plain(config)
 
 
-def _plain(config: dict) -> dict:
-    return json.loads(json.dumps(config))
+def _plain(config: store.Note) -> store.Note:
+    plain: store.Note = json.loads(json.dumps(config))
+    return plain
 
 
-def load_result(owner: str, label: str, root: Path) -> tuple[store.Arrays, dict]:
+def load_result(owner: str, label: str, root: Path) -> tuple[store.Arrays, store.Note]:
     """A stored result of the pool or experiment of that name, as ``load`` returns it."""
     return load(POOLS[owner] if owner in POOLS else named(owner), label, root)
 
 
-def load(owner: Pool | Experiment, label: str, root: Path) -> tuple[store.Arrays, dict]:
+def load(owner: Pool | Experiment, label: str, root: Path) -> tuple[store.Arrays, store.Note]:
     """A stored result and its provenance.
 
     Raises FileNotFoundError when it is missing, store.TornResult when it is damaged or was
@@ -242,7 +246,7 @@ def load(owner: Pool | Experiment, label: str, root: Path) -> tuple[store.Arrays
     return arrays, note
 
 
-def _check_config(path: Path, note: dict, config: dict) -> None:
+def _check_config(path: Path, note: store.Note, config: store.Note) -> None:
     stored = note.get("config")
     if stored != config:
         raise store.TornResult(
