@@ -12,6 +12,15 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
+from vtlib.checks import (
+    HUGE,
+    check_between,
+    check_kind,
+    check_one_of,
+    check_positive,
+    check_weights,
+    check_whole,
+)
 from vtlib.factor import CholeskyFactors
 from vtlib.factor_deferred import DeferredFactors
 from vtlib.factor_diagonal import DiagonalFactors
@@ -26,7 +35,7 @@ from vtlib.mellow import check_psi, td_cotangent
 from vtlib.mixture import pull_of_sources
 from vtlib.qfunctions import QFunction
 from vtlib.replay import ReplayBuffer, Transition
-from vtlib.streams import Stream
+from vtlib.streams import Stream, check_runs
 
 CLIP = 1000.0  # elementwise bound on every gradient
 PRIOR_JITTER = 1e-4  # added to the covariance of the Gaussian prior, so that it has an inverse
@@ -70,37 +79,40 @@ class Settings:
 
     def __post_init__(self) -> None:
         check_psi(self.psi)
-        if not (math.isfinite(self.lambda_) and self.lambda_ >= 0):
-            raise ValueError(f"lambda_ must be finite and at least 0, got {self.lambda_}")
-        if not 0 <= self.gamma < 1:
-            raise ValueError(f"gamma must lie in [0, 1), got {self.gamma}")
+        check_between("lambda_", self.lambda_, 0, HUGE)
+        check_between("gamma", self.gamma, 0, 1, below=True)
         for name in ("components", "batch", "buffer", "weights"):
-            value = getattr(self, name)
-            if not (isinstance(value, int) and value >= 1):
-                raise ValueError(f"{name} must be a whole number of at least 1, got {value}")
+            check_whole(name, getattr(self, name))
         for name in ("kappa", "alpha_mu", "alpha_L", "sigma_p2", "sigma_min"):
-            value = getattr(self, name)
-            if not (math.isfinite(value) and value > 0):
-                raise ValueError(f"{name} must be finite and positive, got {value}")
-        for name, allowed in (
-            ("family", ("gaussian", "mixture")),
-            ("init", ("sources", "span" if self.family == "gaussian" else "mean")),
-            ("act", ("step", "episode")),
-            ("covariance", ("full", "diagonal")),
-        ):
-            if getattr(self, name) not in allowed:
-                raise ValueError(f"{name} must be one of {allowed}, got {getattr(self, name)!r}")
+            check_positive(name, getattr(self, name))
+        check_one_of("family", self.family, ("gaussian", "mixture"))
+        other = "span" if self.family == "gaussian" else "mean"
+        check_one_of("init", self.init, ("sources", other))
+        check_one_of("act", self.act, ("step", "episode"))
+        check_one_of("covariance", self.covariance, ("full", "diagonal"))
         if self.family == "gaussian" and self.components != 1:
-            raise ValueError(f"a gaussian posterior has 1 component, got {self.components}")
+            raise ValueError(
+                f"components must be 1: a gaussian posterior has 1 component, got {self.components}"
+            )
         if self.covariance == "diagonal" and self.init == "span":
-            raise ValueError("a diagonal posterior cannot start within the span of the sources")
+            raise ValueError(
+                "init must be 'sources', got 'span': a diagonal posterior cannot start within the "
+                "span of the sources"
+            )
 
 
 @dataclass(frozen=True)
 class PatientSettings(Settings):
-    """Settings of an agent that only acts and remembers for the first ``patience`` iterations."""
+    """Settings of an agent that only acts and remembers for the first ``patience`` iterations.
+
+    Raises ValueError for a value outside its range.
+    """
 
     patience: int = 500
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_whole("patience", self.patience, 0)
 
 
 class VariationalTransfer:
@@ -108,8 +120,8 @@ class VariationalTransfer:
 
     sources: (R, S, d), the S source weights of each run. noise, component and replay are the
     streams of posterior samples, of the acting component and of mini-batches. ``mu`` (R, C, d) are
-    the posterior's means. Raises ValueError when sources are missing, not finite or not of the
-    Q-function's shape.
+    the posterior's means. Raises ValueError when sources are missing, not finite, not float32 or
+    not of the Q-function's shape.
     """
 
     def __init__(
@@ -122,7 +134,10 @@ class VariationalTransfer:
         component: Stream,
         replay: Stream,
     ) -> None:
+        check_kind("settings", settings, Settings)
         check_sources(sources, q.d)
+        check_runs(len(sources), noise, component, replay)
+        sources = sources.detach()
         self._q, self._settings, self._sources = q, settings, sources
         self._noise, self._component, self._replay = noise, component, replay
         posterior, precision = initial_posterior(sources, settings)
@@ -261,17 +276,31 @@ def initial_posterior(sources: Tensor, settings: Settings) -> tuple[Gaussian, Pr
 
     The minimiser of the KL is the prior itself for a Gaussian (eqs. 5.5 and 5.6), or, without
     correlations, the Gaussian of its mean and the diagonal of its precision; and C different
-    sources with the prior's variance for a mixture (eq. 5.13).
+    sources with the prior's variance for a mixture (eq. 5.13). Raises ValueError unless
+    sources are finite, float32 or float64, of shape (R, S, d), and no farther apart than a Gaussian
+    prior's covariance can tell.
     """
+    check_kind("sources", sources, Tensor)
+    kinds = ("float32", "float64")
+    check_weights("sources", sources, "run", "source", "weight", kinds=kinds)
     runs, count, d = sources.shape
     if settings.family == "gaussian":
         mu, spread = sources_mean_and_spread(sources)
-        precision = low_rank_precision(spread, PRIOR_JITTER)
-        if settings.covariance == "diagonal":
-            factor = torch.diag_embed(precision.diagonal(d).rsqrt())
-        else:
-            jitter = SPAN_JITTER if settings.init == "span" else PRIOR_JITTER
-            factor = covariance_factor(spread, jitter)
+        try:
+            precision = low_rank_precision(spread, PRIOR_JITTER)
+            if settings.covariance == "diagonal":
+                factor = torch.diag_embed(precision.diagonal(d).rsqrt())
+            else:
+                jitter = SPAN_JITTER if settings.init == "span" else PRIOR_JITTER
+                factor = covariance_factor(spread, jitter)
+        except torch.linalg.LinAlgError:
+            factor = torch.tensor(math.nan)
+        if not torch.isfinite(factor).all():
+            apart = float((sources - mu.unsqueeze(1)).abs().amax())
+            raise ValueError(
+                "sources must lie closer to their mean for a gaussian posterior, whose covariance "
+                f"rounding spoils, got weights that are {apart:g} away"
+            )
         return Gaussian(mu.unsqueeze(1).contiguous(), factor.unsqueeze(1)), precision
     components = settings.components
     if settings.init == "sources":
@@ -283,12 +312,6 @@ def initial_posterior(sources: Tensor, settings: Settings) -> tuple[Gaussian, Pr
 
 
 def check_sources(sources: Tensor, d: int) -> None:
-    """Raise ValueError unless sources are finite weights (R, S, d) with S >= 1."""
-    if sources.ndim != 3 or sources.shape[2] != d or 0 in sources.shape:
-        raise ValueError(
-            f"sources must have shape (runs, at least 1 source, {d}), got {tuple(sources.shape)}"
-        )
-    if sources.dtype != torch.float32:
-        raise ValueError(f"sources must be float32, got {sources.dtype}")
-    if not torch.isfinite(sources).all():
-        raise ValueError("sources must be finite, got NaN or infinity")
+    """Raise ValueError unless sources are a float32 tensor of finite weights (R, S, d), S >= 1."""
+    check_kind("sources", sources, Tensor)
+    check_weights("sources", sources, "run", "source", d)
