@@ -10,6 +10,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from vtlib.checks import check_kind
 from vtlib.replay import Transition
 from vtlib.streams import Stream
 
@@ -147,6 +148,8 @@ class GymEpisodes:
         gamma: float = 0.99,
         window: int = 50,
     ) -> None:
+        if not envs:
+            raise ValueError("there must be at least one environment")
         checked = [_checked_spaces(env) for env in envs]
         self._envs = list(envs)
         self._first_actions = [int(discrete.start) for _, discrete in checked]
@@ -180,6 +183,7 @@ class GymEpisodes:
 
 
 def _checked_spaces(env: gymnasium.Env) -> tuple[gymnasium.spaces.Box, gymnasium.spaces.Discrete]:
+    check_kind("each environment", env, gymnasium.Env)
     box, discrete = env.observation_space, env.action_space
     if not (isinstance(box, gymnasium.spaces.Box) and len(box.shape) == 1):
         raise ValueError(f"needs a one-dimensional Box observation space, got {box}")
