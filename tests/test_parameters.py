@@ -252,7 +252,7 @@ def test_rooms_experiments_and_what_they_differ_in():
     assert found["rooms-exploration"][1] == "20: 2 rooms, lower door at 5"
     assert found["rooms-likelihood"][1:3] == ["20: 2 rooms, doors normal(5, 1.8)", "400"]
     assert found["rooms-number-of-sources"][3:] == ["2 to 10", "1,950"]
-    longer = cells(rooms_table([replace(ROOMS_EVALUATION, iterations=7)]))
+    longer = cells(rooms_table([replace(ROOMS_EVALUATION, iterations=7, every=7)]))
     assert longer["rooms-evaluation"][-1] == "7"
 
 

@@ -45,16 +45,16 @@ TINY = Experiment(
 @pytest.mark.parametrize(
     ("bad", "message"),
     [
-        ({"runs_per_task": 0}, "runs_per_task must divide the 6 runs, got 0"),
-        ({"runs_per_task": -3}, "runs_per_task must divide the 6 runs, got -3"),
+        ({"runs_per_task": 0}, "runs_per_task must be a whole number from 1 .*, got 0"),
+        ({"runs_per_task": -3}, "runs_per_task must be a whole number from 1 .*, got -3"),
         ({"runs_per_task": 4}, "runs_per_task must divide the 6 runs, got 4"),
         ({"runs_per_task": 12}, "runs_per_task must divide the 6 runs, got 12"),
-        ({"counts": {"from-2": 0}}, "1..8 sources, got from-2: 0"),
-        ({"counts": {"from-2": 9}}, "1..8 sources, got from-2: 9"),
-        ({"counts": {"from-2": -1}}, "1..8 sources, got from-2: -1"),
-        ({"counts": {"from-3": 3}}, "must give algorithms .* got from-3: 3"),
+        ({"counts": {"from-2": 0}}, r"counts\['from-2'\] must be .* from 1 to 8, got 0"),
+        ({"counts": {"from-2": 9}}, r"counts\['from-2'\] must be .* from 1 to 8, got 9"),
+        ({"counts": {"from-2": -1}}, r"counts\['from-2'\] must be .* from 1 to 8, got -1"),
+        ({"counts": {"from-3": 3}}, "a label in counts must be one of NT, .* got 'from-3'"),
         # a count that was right before the sources became fewer
-        ({"sources": 4}, "1..4 sources, got from-5: 5"),
+        ({"sources": 4}, r"counts\['from-5'\] must be .* from 1 to 4, got 5"),
     ],
 )
 def test_an_experiment_that_cannot_be_run_is_refused(bad, message):

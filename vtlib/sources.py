@@ -10,6 +10,7 @@ import numpy as np
 import torch
 
 from vtlib.baselines import DDQN, DDQNSettings, MellowTD, MellowTDSettings
+from vtlib.checks import check_between, check_kind, check_name, check_weights, check_whole
 from vtlib.domains import Family, domain, first_weights, parameters
 from vtlib.envs.episodes import Episodes, Tasks
 from vtlib.envs.maze import MazeFamily, Mazes
@@ -25,7 +26,8 @@ class Pool:
     A source is kept at the first check, from ``iterations`` on, at which its greedy policy passes:
     over ``episodes`` episodes it reaches the ``required`` share, by its domain's measure. The
     others are trained on, up to ``limit`` iterations. Rooms sources start their episodes anywhere
-    in the square: from the corner alone, chance rarely finds the goal.
+    in the square: from the corner alone, chance rarely finds the goal. Raises ValueError for a
+    value outside its range.
     """
 
     name: str
@@ -40,6 +42,14 @@ class Pool:
         default_factory=lambda: MellowTDSettings(epsilon_steps=14_000)
     )
 
+    def __post_init__(self) -> None:
+        check_name("name", self.name)
+        check_kind("family", self.family, Family)
+        for name in ("count", "iterations", "limit", "check_every", "episodes"):
+            check_whole(name, getattr(self, name))
+        check_between("required", self.required, 0, 1)
+        check_kind("settings", self.settings, MellowTDSettings | DDQNSettings)
+
     @property
     def stream(self) -> str:
         """What seeds the sources."""
@@ -51,11 +61,18 @@ class NetworkPool(Pool):
     """A pool of networks; ``common`` starts them all from the same weights.
 
     Only then do hidden units stay comparable between sources, so that weights can be averaged.
-    A pool has the tasks and the random numbers of its ``twin``, if it names one.
+    A pool has the tasks and the random numbers of its ``twin``, if it names one. Raises ValueError
+    for a value outside its range.
     """
 
     common: bool = True
     twin: str = ""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_kind("common", self.common, bool)
+        if self.twin != "":
+            check_name("twin", self.twin)
 
     @property
     def stream(self) -> str:
@@ -65,9 +82,18 @@ class NetworkPool(Pool):
 
 @dataclass(frozen=True)
 class MazePool(NetworkPool):
-    """A pool of networks with one source for each maze that the family names, in their order."""
+    """A pool of networks with one source for each maze that the family names, in their order.
+
+    Raises ValueError for a value outside its range, such as another count.
+    """
 
     family: MazeFamily
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_kind("family", self.family, MazeFamily)
+        mazes = len(self.family.names)
+        check_whole("count", self.count, mazes, mazes)
 
 
 def pool_tasks(pool: Pool, sources: Sequence[int]) -> Tasks:
@@ -75,6 +101,12 @@ def pool_tasks(pool: Pool, sources: Sequence[int]) -> Tasks:
     if isinstance(pool, MazePool):
         return Mazes.of([pool.family.names[i] for i in sources])
     return draw_tasks(pool.family, pool.stream, sources)
+
+
+def check_pool_weights(pool: Pool, weights: object) -> None:
+    """Raise ValueError unless weights are an array (count, d) of one finite vector per source."""
+    check_kind(f"weights of {pool.name}", weights, np.ndarray)
+    check_weights(f"weights of {pool.name}", weights, pool.count, domain(pool.family).q().d)
 
 
 def draw_tasks(family: Family, experiment: str, runs: Sequence[int]) -> Tasks:
