@@ -16,6 +16,8 @@ import torch
 from torch import Tensor, nn
 from torch.func import functional_call, vjp, vmap
 
+from vtlib.checks import check_positive, check_whole, shown
+
 # Features below float32's rounding of their sum are zero: left in, they and their products become
 # denormal numbers, on which a processor is many times slower.
 ROUNDING = 1e-7
@@ -48,8 +50,8 @@ class RBFLinear:
     """
 
     def __init__(self, centers: Tensor, variance: float, n_actions: int) -> None:
-        if not variance > 0:
-            raise ValueError(f"variance must be positive, got {variance}")
+        check_positive("variance", variance)
+        check_whole("n_actions", n_actions)
         self.n_actions = self.width = n_actions
         self.d = n_actions * len(centers) ** 2
         self._centers = centers
@@ -58,6 +60,7 @@ class RBFLinear:
     def prepare(self, obs: Tensor) -> Tensor:
         """Features (R, m * m, B), one column per observation of (R, B, 2)."""
         # the Gaussian and its normaliser both factor over the axes
+        _check_observations(obs, 2)
         columns = obs.transpose(-1, -2).contiguous()
         apart = columns.unsqueeze(-2) - self._centers.unsqueeze(-1)
         axes = apart.square_().mul_(-self._rate)
@@ -88,14 +91,18 @@ class MLP:
     """
 
     def __init__(self, sizes: Sequence[int]) -> None:
-        if len(sizes) < 2 or any(size < 1 for size in sizes):
-            raise ValueError(f"sizes must list at least two positive layer sizes, got {sizes}")
+        counts = isinstance(sizes, Sequence) and all(type(size) is int for size in sizes)
+        if not counts or len(sizes) < 2 or min(sizes) < 1:
+            raise ValueError(
+                f"sizes must list at least two positive layer sizes, got {shown(sizes)}"
+            )
         self._layers = list(pairwise(sizes))
         self.n_actions, self.width = sizes[-1], max(sizes)
         self.d = sum(out * (into + 1) for into, out in self._layers)
 
     def prepare(self, obs: Tensor) -> Tensor:
         """Observations (R, B, obs_dim) as columns (R, obs_dim + 1, B) that end in a one."""
+        _check_observations(obs, self._layers[0][0])
         columns = obs.transpose(-1, -2)
         return torch.cat([columns, torch.ones_like(columns[:, :1])], 1)
 
@@ -139,6 +146,13 @@ class MLP:
         return matrices, passed
 
 
+def _check_observations(obs: Tensor, size: int) -> None:
+    if obs.shape[-1] != size:
+        raise ValueError(
+            f"observations must have {size} numbers for this Q-function, got {obs.shape[-1]}"
+        )
+
+
 def _gradients(matrices: list[Tensor], passed: list[Tensor], delta: Tensor) -> list[Tensor]:
     """Backpropagation: gradients of matrix and bias layer by layer, from a cotangent (N, A, B)."""
     parts: list[Tensor] = []
@@ -178,6 +192,7 @@ class ModuleQ:
     """
 
     def __init__(self, module: nn.Module, n_actions: int) -> None:
+        check_whole("n_actions", n_actions)
         self.n_actions = n_actions
         self._module = module
         self._shapes = {name: p.shape for name, p in module.named_parameters()}

@@ -7,6 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from vtlib.checks import check_whole, shown
+
 # Two-sided 95 % quantiles of Student's t for 1 to 30 degrees of freedom.
 STUDENT_95 = (
     12.706, 4.303, 3.182, 2.776, 2.571, 2.447, 2.365, 2.306, 2.262, 2.228,
@@ -81,16 +83,23 @@ def bootstrap_interval(
     (R,), which are tasks, when these are given. Source: Agarwal et al. (2021).
     """
     values = _checked(values)
-    picks = _resampled(np.zeros(len(values)) if strata is None else strata, rng, draws)
-    if picks.shape[1] != len(values):
-        raise ValueError(f"{len(values)} runs need as many strata, got {picks.shape[1]}")
+    picks = _resampled(_checked_strata(strata, len(values)), rng, draws)
     drawn = np.stack([statistic(values[pick]) for pick in picks])
     low, high = np.quantile(drawn, (0.025, 0.975), axis=0)
     return Interval(statistic(values), low, high)
 
 
+def _checked_strata(strata: np.ndarray | None, runs: int) -> np.ndarray:
+    """The strata (R,), all alike when none are given."""
+    strata = np.zeros(runs) if strata is None else np.asarray(strata)
+    if strata.shape != (runs,):
+        raise ValueError(f"{runs} runs need as many strata, got shape {strata.shape}")
+    return strata
+
+
 def _resampled(strata: np.ndarray, rng: np.random.Generator, draws: int) -> np.ndarray:
     """Indices (draws, R): each stratum's runs drawn from that stratum with replacement."""
+    check_whole("draws", draws)
     picks = np.empty((draws, len(strata)), dtype=np.int64)
     for stratum in np.unique(strata):
         members = np.flatnonzero(strata == stratum)
@@ -114,7 +123,7 @@ def improvement_interval(
     a, b = _checked(a), _checked(b)
     if a.shape != b.shape or a.ndim != 1:
         raise ValueError(f"needs runs of two algorithms, both (R,), got {a.shape} and {b.shape}")
-    strata = np.zeros(len(a)) if strata is None else np.asarray(strata)
+    strata = _checked_strata(strata, len(a))
     wins = (a[:, None] > b) + 0.5 * (a[:, None] == b)
     groups = [np.flatnonzero(strata == stratum) for stratum in np.unique(strata)]
 
@@ -130,7 +139,7 @@ def improvement_interval(
 
 def difference_interval(a: np.ndarray, b: np.ndarray) -> Interval:
     """Mean of the paired differences a - b over runs (axis 0) with its 95 % interval."""
-    a, b = np.asarray(a, dtype=np.float64), np.asarray(b, dtype=np.float64)
+    a, b = _checked(a), _checked(b)
     if a.shape != b.shape:
         raise ValueError(f"paired runs must have equal shapes, got {a.shape} and {b.shape}")
     return mean_interval(a - b)
@@ -161,11 +170,13 @@ def same_distribution_p(
 def slope_interval(x: np.ndarray, y: np.ndarray) -> Interval:
     """Least-squares slope of y on x, both (R,), with its 95% Student interval.
 
-    Raises ValueError with fewer than 3 runs or when all x are equal.
+    Raises ValueError with fewer than 3 runs, values that are not finite, or when all x are equal.
     """
-    x, y = np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64)
+    x, y = _checked(x), _checked(y)
+    if x.shape != y.shape or x.ndim != 1:
+        raise ValueError(f"a slope needs x and y, both (R,), got {x.shape} and {y.shape}")
     if len(x) < 3 or np.ptp(x) == 0:
-        raise ValueError(f"a slope needs at least 3 runs at different places, got {x}")
+        raise ValueError(f"a slope needs at least 3 runs at different places, got {shown(x)}")
     centred = x - x.mean()
     spread = centred @ centred
     slope = centred @ y / spread

@@ -18,6 +18,8 @@ from typing import Any
 import numpy as np
 import torch
 
+from vtlib.checks import one_line
+
 Arrays = dict[str, np.ndarray]
 Note = dict[str, Any]  # plain JSON values
 
@@ -68,6 +70,8 @@ def load(path: Path) -> tuple[Arrays, Note]:
         raise FileNotFoundError(f"no stored result at {path}")
     try:
         provenance = json.loads(note.read_text())
+        if not (isinstance(provenance, dict) and isinstance(provenance.get("sha256"), str)):
+            raise TornResult(f"{note} is no provenance: it must be an object with a text sha256")
         data = npz.read_bytes()
         if hashlib.sha256(data).hexdigest() != provenance["sha256"]:
             raise TornResult(f"{npz} is not the file that was stored: its digest differs")
@@ -76,7 +80,7 @@ def load(path: Path) -> tuple[Arrays, Note]:
     except TornResult:
         raise
     except Exception as error:  # a damaged file fails in as many ways as its readers have
-        raise TornResult(f"{path} cannot be read: {error}") from error
+        raise TornResult(f"{path} cannot be read: {one_line(error)}") from error
 
 
 def provenance(path: Path) -> Note:
