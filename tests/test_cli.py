@@ -160,7 +160,7 @@ def test_reproduce_names_what_differs(stored, tmp_path, capsys):
     arguments = ["reproduce", "--only", "tiny", "--fresh", tmp_path / "f", "--results", stored]
     assert cli.main([str(x) for x in arguments]) == 1
     out = capsys.readouterr().out
-    assert "  tasks: other tasks; permutation test p = 0.0000: DIFFERENT" in out
+    assert "  tasks: other tasks, permutation test p = 0.0000: DIFFERENT" in out
     assert "1 DIFFER" in out
 
 

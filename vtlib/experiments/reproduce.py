@@ -23,14 +23,14 @@ LEVEL = 0.01  # how often a report may call runs different that are not, whateve
 
 @dataclass(frozen=True)
 class Comparison:
-    """How a result computed anew compares with the stored one; p of a test where they differ."""
+    """How a result computed anew compares with the stored one; p of the test, if one was needed."""
 
     owner: str
     label: str
     seconds: float
     megabytes: int
     verdict: str
-    p: float = 1.0
+    p: float | None = None
 
 
 def first_runs(experiment: Experiment, runs: int) -> Experiment:
@@ -65,7 +65,7 @@ def _compare(owner: Pool | Experiment, label: str, root: Path, fresh: Path) -> C
     if old.keys() == new.keys() and all(_close(old[key], new[key]) for key in old):
         return Comparison(*about, "equal up to rounding")
     if label == "tasks":
-        return Comparison(*about, "other tasks", 0.0)
+        return Comparison(*about, "other tasks", 0.0)  # nothing random is in them
     key = "greedy" if label == "sources" else "learning"
     a, b = (np.asarray(x[key], dtype=np.float64).reshape(len(x[key]), -1) for x in (old, new))
     p = same_distribution_p(a.mean(1), b.mean(1), generator(owner.name, 0, "comparison"))
@@ -78,7 +78,7 @@ def _close(a: np.ndarray, b: np.ndarray) -> bool:
 
 def differing(comparisons: Sequence[Comparison]) -> list[Comparison]:
     """Those whose test rejects that both sets of runs are alike (Bonferroni over all of them)."""
-    return [c for c in comparisons if c.p < LEVEL / len(comparisons)]
+    return [c for c in comparisons if c.p is not None and c.p < LEVEL / len(comparisons)]
 
 
 def report(comparisons: Sequence[Comparison]) -> list[str]:
@@ -89,9 +89,11 @@ def report(comparisons: Sequence[Comparison]) -> list[str]:
         seconds, peak = sum(c.seconds for c in mine), max(c.megabytes for c in mine)
         lines.append(f"{owner}: {seconds:.0f} s of one core, {peak} MB at most in a process")
         for c in mine:
-            test = "" if c.p == 1 else f"; permutation test p = {c.p:.4f}: "
-            alike = "" if c.p == 1 else "DIFFERENT" if c in bad else "equal in distribution"
-            lines.append(f"  {c.label}: {c.verdict}{test}{alike}")
+            outcome = "DIFFERENT" if c in bad else "equal in distribution"
+            lines.append(
+                f"  {c.label}: {c.verdict}"
+                + ("" if c.p is None else f", permutation test p = {c.p:.4f}: {outcome}")
+            )
     lines.append(
         f"{len(comparisons)} results compared, "
         + (f"{len(bad)} DIFFER" if bad else "none differs")
