@@ -40,7 +40,7 @@ from vtlib.envs.rooms import RoomsFamily, even_walls
 from vtlib.experiments import EXPERIMENTS, POOLS, Experiment, work
 from vtlib.experiments import runs as runs_of
 from vtlib.experiments.experiment import slider_lambdas, sliders_of
-from vtlib.experiments.verify import results_of
+from vtlib.experiments.verify import mismatches
 from vtlib.qfunctions import MLP, ModuleQ, RBFLinear
 from vtlib.replay import ReplayBuffer, Transition
 from vtlib.sources import MazePool, NetworkPool, Pool
@@ -804,9 +804,9 @@ def complete() -> Iterator[Path]:
         monkeypatch.setitem(DOMAINS, RoomsFamily, planned)
         monkeypatch.setattr(sources, "head", lambda pool, members: prints(members))
         monkeypatch.setattr(runs_of, "head", lambda e, label, members, pool: prints(members))
-        for owner, label in results_of("tiny"):
+        for owner, label in work.results_of(TINY):
             note = {"config": work.config_of(owner, label), "seconds": 1.0}
-            store.save(Path(folder, owner, label), arrays_of(owner, label), note)
+            store.save(Path(folder, owner.name, label), arrays_of(owner.name, label), note)
         yield Path(folder)
 
 
@@ -941,6 +941,23 @@ def test_json_that_is_no_provenance_is_torn(value):
                     store.load(root / "x")
 
 
+@pytest.mark.parametrize("name", COMMANDS)
+def test_another_configuration_is_one_line_whatever_it_is(complete, name):
+    @settings(PROPERTY, max_examples=25)
+    @given(JSON | st.sampled_from(["\n", {"\n": "\u2028"}]))
+    def check(value):
+        with tempfile.TemporaryDirectory() as folder:
+            root = Path(shutil.copytree(complete, Path(folder, "results")))
+            note = provenance(complete, "tiny/GVT", config=value)
+            (root / "tiny/GVT.json").write_text(json.dumps(note))
+            assert assert_one_line_at_most(name, root) == 2
+            with pytest.raises(store.TornResult) as caught:
+                work.load_result("tiny", "GVT", root)
+            assert len(str(caught.value).splitlines()) == 1
+
+    check()
+
+
 @pytest.mark.parametrize("depth", [10, 300, *range(860, 1000, 7), 100_000])
 def test_json_nested_deeply_is_one_line(complete, tmp_path, depth):
     root = Path(shutil.copytree(complete, tmp_path / "results"))
@@ -967,6 +984,68 @@ def test_a_damaged_result_is_not_replaced_by_saving_again(tmp_path):
     assert contents(tmp_path) == before
 
 
+def stored_anew(root: Path, result: str, **change: np.ndarray | None) -> None:
+    """Replace or leave out arrays of a result, as somebody would who knows its digest."""
+    arrays, note = store.load(root / result)
+    store.remove(root / result)
+    kept = {key: array for key, array in {**arrays, **change}.items() if array is not None}
+    store.save(root / result, kept, note)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        None, np.zeros(0), np.zeros((3, 484)), np.zeros((2, 484), "f4"), np.zeros((3, 483), "f4"),
+        np.full((3, 484), np.nan, "f4"), np.full((3, 484), "0"), np.float32(0),
+    ],
+    ids=["missing", "empty", "float64", "count", "width", "nan", "text", "number"],
+)  # fmt: skip
+def test_stored_sources_of_another_shape_are_one_line(complete, tmp_path, wrong):
+    root = Path(shutil.copytree(complete, tmp_path / "results"))
+    stored_anew(root, "tiny-pool/sources", weights=wrong)
+    before = contents(root)
+    code, error = command("verify", root)
+    assert (code, contents(root)) == (2, before)
+    assert error.startswith("vtlib: weights of tiny-pool must ")
+    assert len(error.splitlines()) == 1
+    assert "weights of tiny-pool must " in refused(work.pool_weights, POOL, root)
+
+
+@pytest.mark.parametrize("key", ["fingerprints", "optimum", "sources", "doors"])
+@pytest.mark.parametrize(
+    "wrong",
+    [None, np.zeros(0), np.float64(0), np.zeros((1, 3, 4)), np.zeros((2, 5)), np.full(2, "x")],
+    ids=["missing", "empty", "number", "one run", "axes", "text"],
+)
+def test_stored_arrays_of_another_shape_never_verify(complete, tmp_path, key, wrong):
+    root = Path(shutil.copytree(complete, tmp_path / "results"))
+    stored_anew(root, "tiny/GVT" if key == "fingerprints" else "tiny/tasks", **{key: wrong})
+    code, error = command("verify", root)
+    assert code in (1, 2)
+    assert error == "" or error == f"vtlib: {root / 'tiny/GVT'} does not hold 2 fingerprints\n"
+
+
+@pytest.mark.parametrize("seconds", [None, "1", [1]])
+@pytest.mark.parametrize("name", COMMANDS)
+def test_a_provenance_without_seconds_is_one_line(complete, tmp_path, name, seconds):
+    root = Path(shutil.copytree(complete, tmp_path / "results"))
+    note = provenance(complete, "tiny/GVT", seconds=seconds)
+    (root / "tiny/GVT.json").write_text(json.dumps(note))
+    assert assert_one_line_at_most(name, root) == 2
+
+
+@pytest.mark.parametrize("member", [2, -1, 1.0, None, True])
+def test_a_run_that_is_not_stored_cannot_be_verified(complete, member):
+    assert "got " in refused(mismatches, "tiny", "GVT", complete, [member])
+
+
+def test_a_folder_whose_name_has_lines_is_shown_in_one(complete, tmp_path):
+    for name in COMMANDS:
+        root = Path(shutil.copytree(complete, tmp_path / f"{name}\nresults"))
+        (root / "tiny/GVT.npz").write_bytes(b"")
+        assert assert_one_line_at_most(name, root) == 2
+
+
 # --- the command line ----------------------------------------------------------------------------
 
 
@@ -988,6 +1067,23 @@ def ended(*arguments: str) -> str:
 def test_an_unknown_experiment_is_one_line(complete, name):
     for command_ in (["run", name], ["verify", name], ["reproduce", "--only", name]):
         assert ended(*command_) == f"vtlib: unknown experiment {name!r}; known are tiny"
+
+
+@settings(PROPERTY, max_examples=25)
+@given(st.integers(max_value=0).map(str) | st.text(max_size=9).filter(lambda x: not x.isdigit()))
+def test_a_bad_number_of_processes_is_named(complete, jobs):
+    line = ended("run", "tiny", f"--jobs={jobs}")
+    assert "argument --jobs: must be a whole number of at least 1, got " in line
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_results_that_are_a_file_are_one_line(complete, tmp_path, name):
+    path = tmp_path / "results"
+    path.write_text("mine")
+    code, error = command(name, path)
+    assert (code, len(error.splitlines())) == (2, 1)
+    assert error.startswith("vtlib: ")
+    assert path.read_text() == "mine"
 
 
 # --- nothing that is read can run ----------------------------------------------------------------

@@ -276,7 +276,7 @@ def test_a_pool_that_is_not_finite_is_refused(stored, capsys):
     rewrite(stored, "tiny-pool/sources", weights=weights)
     store.remove(stored / "tiny/GVT")
     line = refused(capsys, "run", "tiny", "--results", stored)
-    assert line == "vtlib: tiny-pool must hold 2 finite sources"
+    assert line == "vtlib: weights of tiny-pool must be finite, got NaN or infinity"
 
 
 def test_a_diverged_run_is_one_line(stored, capsys, monkeypatch):

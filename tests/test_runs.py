@@ -194,7 +194,7 @@ def test_batches_of_visits_join_along_the_runs(monkeypatch, tmp_path):
 )
 def test_a_result_of_other_tasks_or_sources_is_refused(monkeypatch, tmp_path, changed):
     monkeypatch.setitem(EXPERIMENTS, TINY.name, TINY)
-    note = {"config": work.config_of(TINY, "from-2")}
+    note = {"config": work.config_of(TINY, "from-2"), "seconds": 1.0}
     store.save(tmp_path / TINY.name / "from-2", {"run": np.arange(6)}, note)
     work.load_result(TINY.name, "from-2", tmp_path)
     monkeypatch.setitem(EXPERIMENTS, TINY.name, replace(TINY, **changed))

@@ -11,6 +11,7 @@ from pathlib import Path
 import torch
 
 from vtlib import bench, store
+from vtlib.checks import one_line
 from vtlib.experiments import EXPERIMENTS, named
 from vtlib.experiments.reproduce import differing, first_runs, report, reproduce
 from vtlib.experiments.schedule import Workers, cluster, complete, processes
@@ -25,7 +26,7 @@ def main(arguments: list[str] | None = None) -> int:
     try:
         return int(options.command(options))
     except (ValueError, OSError, store.TornResult, Diverged) as error:
-        print(f"vtlib: {error}", file=sys.stderr)
+        print(f"vtlib: {one_line(error)}", file=sys.stderr)
         return 2
     except BrokenExecutor:
         print("vtlib: a process was killed; the same command goes on from here", file=sys.stderr)
@@ -68,7 +69,7 @@ def _parser() -> argparse.ArgumentParser:
 
 def _positive(text: str) -> int:
     if not text.isdigit() or int(text) < 1:
-        raise argparse.ArgumentTypeError(f"must be a whole number of at least 1, got {text}")
+        raise argparse.ArgumentTypeError(f"must be a whole number of at least 1, got {text!r}")
     return int(text)
 
 

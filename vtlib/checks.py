@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection
-from typing import get_args
+from typing import Any, TypeGuard, get_args
 
 import numpy as np
 from torch import Tensor
@@ -58,7 +58,7 @@ def check_one_of(name: str, value: object, allowed: Collection[str]) -> None:
         raise ValueError(f"{name} must be one of {', '.join(allowed)}, got {shown(value)}")
 
 
-def check_kind(name: str, value: object, kind: object) -> None:
+def check_kind(name: str, value: object, kind: Any) -> None:
     """Raise ValueError unless value is an instance of a class, or of one of a union's classes."""
     if not isinstance(value, kind):
         kinds = " or ".join(one.__name__ for one in get_args(kind) or (kind,))
@@ -75,7 +75,7 @@ def check_name(name: str, value: object) -> None:
 
 
 def check_weights(
-    name: str, weights: object, *shape: str | int, kinds: Collection[str] = ("float32",)
+    name: str, weights: Any, *shape: str | int, kinds: Collection[str] = ("float32",)
 ) -> None:
     """Raise ValueError unless weights are finite, of a shape, and of one of some kinds of numbers.
 
@@ -96,5 +96,5 @@ def check_weights(
         raise ValueError(f"{name} must be finite, got NaN or infinity")
 
 
-def _is_number(value: object) -> bool:
+def _is_number(value: object) -> TypeGuard[int | float]:
     return isinstance(value, int | float) and not isinstance(value, bool)

@@ -293,7 +293,7 @@ def initial_posterior(sources: Tensor, settings: Settings) -> tuple[Gaussian, Pr
             else:
                 jitter = SPAN_JITTER if settings.init == "span" else PRIOR_JITTER
                 factor = covariance_factor(spread, jitter)
-        except torch.linalg.LinAlgError:
+        except torch.linalg.LinAlgError:  # type: ignore[attr-defined]  # documented, not typed
             factor = torch.tensor(math.nan)
         if not torch.isfinite(factor).all():
             apart = float((sources - mu.unsqueeze(1)).abs().amax())

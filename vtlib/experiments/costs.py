@@ -48,16 +48,16 @@ def minutes(seconds: float) -> float:
 
 def table(found: list[Cost]) -> str:
     """The costs as HTML, in minutes of two cores."""
-    head = ("Experiment", "Runs", "Iterations", "Sources", "Runs take", "Both")
+    head = ["Experiment", "Runs", "Iterations", "Sources", "Runs take", "Both"]
     rows = [
-        (
+        [
             c.name,
             f"{c.runs:,}",
             f"{c.iterations / 1e6:.1f} million",
             f"{minutes(c.sources):.0f} min" if c.sources else "as above",
             f"{minutes(c.computed):.0f} min",
             f"{minutes(c.sources + c.computed):.0f} min",
-        )
+        ]
         for c in found
     ]
     return html_table(head, rows)

@@ -53,7 +53,7 @@ def reproduce(
 
 def _compare(owner: Pool | Experiment, label: str, root: Path, fresh: Path) -> Comparison:
     new, note = load(owner, label, fresh)
-    about = owner.name, label, note["seconds"], note["megabytes"]
+    about = owner.name, label, note["seconds"], note.get("megabytes", 0)
     if not store.exists(root / owner.name / label):
         return Comparison(*about, "nothing stored to compare with")
     old = load_result(owner.name, label, root)[0]

@@ -82,8 +82,13 @@ def complete(
 ) -> None:
     """Compute whatever the experiments, and the pools that they need, still lack under root.
 
-    Raises store.TornResult, before any work, where something stored there is not theirs.
+    Raises, before any work, ValueError where root cannot be a folder, store.TornResult where
+    something stored there is not theirs.
     """
+    try:
+        root.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ValueError(f"results must lie in a folder, got {root}: {error.strerror}") from None
     pools = list({e.pool.name: e.pool for e in experiments}.values())
     units = [u for pool in pools for u in source_units(pool)]
     units += [u for experiment in experiments for u in run_units(experiment)]

@@ -24,7 +24,7 @@ from vtlib import __version__, store
 from vtlib.experiments import POOLS, named
 from vtlib.experiments import runs as runs_of
 from vtlib.experiments.experiment import Experiment
-from vtlib.sources import Pool, solve
+from vtlib.sources import Pool, check_pool_weights, solve
 
 BATCH = 10  # runs that advance together; fixed, so that results never depend on the processes
 SOURCE_BATCH = 25  # at most: a small pool is cut in two, for two cores
@@ -124,11 +124,10 @@ def _peak() -> int:
 
 
 def pool_weights(pool: Pool, root: Path) -> np.ndarray:
-    """The stored source weights (count, d) of a pool; ValueError when they are not finite."""
+    """The stored source weights (count, d) of a pool; ValueError when they are anything else."""
     arrays, _ = load(pool, "sources", root)
-    weights = arrays["weights"]
-    if len(weights) != pool.count or not np.isfinite(weights).all():
-        raise ValueError(f"{pool.name} must hold {pool.count} finite sources")
+    weights = arrays.get("weights", np.zeros(0))
+    check_pool_weights(pool, weights)
     return weights
 
 
@@ -190,9 +189,9 @@ def _provenance(
         "config": config_of(owner, label),
         "seeds": f"SHA-256 of {owner.stream}/<run>/<role>",
         "seconds": round(sum(note["seconds"] for note in notes), 2),
-        "megabytes": max(note["megabytes"] for note in notes),
+        "megabytes": max(note.get("megabytes", 0) for note in notes),
         "vtlib": __version__,
-        "machine": notes[0]["machine"],
+        "machine": notes[0].get("machine", store.machine()),
     }
 
 
@@ -251,5 +250,7 @@ def _check_config(path: Path, note: store.Note, config: store.Note) -> None:
     if stored != config:
         raise store.TornResult(
             f"{path} was computed under another configuration: move it away and run "
-            f"`python -m vtlib run` again (stored {stored}, now {config})"
+            f"`python -m vtlib run` again (stored {stored!r}, now {config})"
         )
+    if not isinstance(note.get("seconds"), int | float):
+        raise store.TornResult(f"{path} has a provenance that does not tell its seconds")
