@@ -5,11 +5,11 @@ Configurations are stored as JSON, so their numbers are Python's: neither NumPy'
 
 from __future__ import annotations
 
-import math
 from collections.abc import Collection
 from typing import Any, TypeGuard, get_args
 
 import numpy as np
+import torch
 from torch import Tensor
 
 LARGEST = 10**9  # of whole numbers: nothing beyond is meant, nor fits into memory
@@ -92,7 +92,8 @@ def check_weights(
         raise ValueError(f"{name} must have shape ({axes}), got {sizes}")
     if str(weights.dtype).removeprefix("torch.") not in kinds:
         raise ValueError(f"{name} must be {' or '.join(kinds)}, got {weights.dtype}")
-    if not bool((abs(weights) < math.inf).all()):  # written so that NaN is refused too
+    finite = torch.isfinite(weights) if isinstance(weights, Tensor) else np.isfinite(weights)
+    if not bool(finite.all()):
         raise ValueError(f"{name} must be finite, got NaN or infinity")
 
 
