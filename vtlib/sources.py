@@ -55,6 +55,10 @@ class Pool:
         """What seeds the sources."""
         return self.name
 
+    def for_learning(self, tasks: Tasks) -> Tasks:
+        """The tasks as the sources learn them."""
+        return domain(self.family).for_sources(tasks)
+
 
 @dataclass(frozen=True)
 class NetworkPool(Pool):
@@ -132,7 +136,7 @@ class SourceTraining:
         learner = DDQN if isinstance(pool.settings, DDQNSettings) else MellowTD
         streams = stream("exploration"), stream("replay")
         self.agent = learner(q, start, self.tasks.obs_dim, pool.settings, *streams)
-        learning = mine.for_sources(self.tasks)
+        learning = pool.for_learning(self.tasks)
         self.episodes = Episodes(learning, stream("noise"), stream("start"), mine.window)
         self.greedy_return = GreedyReturn(
             q, self.tasks, stream("test noise"), stream("test start"), pool.episodes

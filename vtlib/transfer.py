@@ -7,6 +7,7 @@ is GVT (section 5.2.1), a mixture with one prior component per source is c-MGVT 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import torch
@@ -42,6 +43,9 @@ PRIOR_JITTER = 1e-4  # added to the covariance of the Gaussian prior, so that it
 CACHED = 1 << 20  # floats that may be in work at a time
 LARGE = 1000  # weights from which on it pays to put off most of the update of L
 SPAN_JITTER = 1e-8  # the same for a posterior that starts within the span of the sources
+
+Factors = CholeskyFactors | DeferredFactors | DiagonalFactors
+Cotangent = Callable[..., tuple[Tensor, Tensor]]  # as ``td_cotangent``
 
 
 @dataclass(frozen=True)
@@ -124,6 +128,8 @@ class VariationalTransfer:
     not of the Q-function's shape.
     """
 
+    _clip = CLIP
+
     def __init__(
         self,
         q: QFunction,
@@ -140,12 +146,10 @@ class VariationalTransfer:
         sources = sources.detach()
         self._q, self._settings, self._sources = q, settings, sources
         self._noise, self._component, self._replay = noise, component, replay
-        posterior, precision = initial_posterior(sources, settings)
+        posterior, self._precision = self._start()
         self.mu = posterior.mu
-        self._prior_mean, self._precision = sources.mean(1, keepdim=True), precision
-        self._factors = _factors_of(settings, q.d)(
-            posterior.L.flatten(0, 1), precision, settings.alpha_L, settings.sigma_min, CLIP
-        )
+        self._prior_mean = sources.mean(1, keepdim=True)
+        self._factors = self._factors_from(posterior.L.flatten(0, 1))
         self._adam = torch.optim.Adam([self.mu], lr=settings.alpha_mu, fused=True)
         self._buffer = ReplayBuffer(len(sources), settings.buffer, obs_dim)
         self._steps = 0
@@ -186,14 +190,26 @@ class VariationalTransfer:
         runs, components, d = self.mu.shape
         weights = self._samples[:, :, 1:].reshape(runs, components * s.weights, d)
         # the posterior's expectation is a mean over components and over their samples
-        gradients = td_gradients(self._q, weights, batch, s.psi, s.gamma, s.kappa)
+        gradients = self._td_gradients(weights, batch)
         gradients = gradients.div_(components * s.weights).view(runs, components, s.weights, d)
         step = gradients.sum(2).add_(self._kl_gradient(), alpha=kl_weight)
-        self.mu.grad = step.clamp_(-CLIP, CLIP)
+        self.mu.grad = step.clamp_(-self._clip, self._clip)
         self._adam.step()
         self._factors.step(
             gradients.flatten(0, 1), self._z[:, 1:], kl_weight=kl_weight / components
         )
+
+    def _start(self) -> tuple[Gaussian, Precision]:
+        return initial_posterior(self._sources, self._settings)
+
+    def _factors_from(self, L: Tensor) -> Factors:
+        s = self._settings
+        kind = _factors_of(s, self._q.d)
+        return kind(L, self._precision, s.alpha_L, s.sigma_min, self._clip)
+
+    def _td_gradients(self, weights: Tensor, batch: Transition) -> Tensor:
+        s = self._settings
+        return td_gradients(self._q, weights, batch, s.psi, s.gamma, s.kappa)
 
     def _kl_gradient(self) -> Tensor:
         if self._settings.family == "mixture":
@@ -224,41 +240,54 @@ class VariationalTransfer:
         return draws.gather(1, index.unsqueeze(-1).expand(-1, -1, d))
 
 
-def _factors_of(
-    settings: Settings, d: int
-) -> type[CholeskyFactors | DeferredFactors | DiagonalFactors]:
+def _factors_of(settings: Settings, d: int) -> type[Factors]:
     if settings.covariance == "diagonal":
         return DiagonalFactors
     return DeferredFactors if d >= LARGE else CholeskyFactors
 
 
 def td_gradients(
-    q: QFunction, weights: Tensor, batch: Transition, psi: float, gamma: float, kappa: float
+    q: QFunction,
+    weights: Tensor,
+    batch: Transition,
+    psi: float,
+    gamma: float,
+    kappa: float,
+    cotangent: Cotangent | None = None,
 ) -> Tensor:
-    """Gradients (R, K, d) of the mean squared TD error at weights (R, K, d), eq. 5.4."""
+    """Gradients (R, K, d) of the mean squared TD error at weights (R, K, d), eq. 5.4.
+
+    cotangent: gives its derivatives with respect to the Q-values; ``td_cotangent`` if not named.
+    """
     runs, k, _ = weights.shape
     size = 2 * batch.obs.shape[1] * q.width  # of what one weight vector passes on
     rows = min(runs, max(1, CACHED // (k * size)))
     columns = math.ceil(k / math.ceil(k * size / CACHED)) if rows == 1 else k
     if (rows, columns) == (runs, k):
-        return _td_gradients(q, weights, batch, psi, gamma, kappa)
+        return _td_gradients(q, weights, batch, psi, gamma, kappa, cotangent)
     # some at a time: what networks pass on for all weights would not fit into the cache
     gradients = torch.empty_like(weights)
     for at in range(0, runs, rows):
         few = Transition(*(x[at : at + rows] for x in batch))
         for start in range(0, k, columns):
             part = slice(at, at + rows), slice(start, start + columns)
-            gradients[part] = _td_gradients(q, weights[part], few, psi, gamma, kappa)
+            gradients[part] = _td_gradients(q, weights[part], few, psi, gamma, kappa, cotangent)
     return gradients
 
 
 def _td_gradients(
-    q: QFunction, weights: Tensor, batch: Transition, psi: float, gamma: float, kappa: float
+    q: QFunction,
+    weights: Tensor,
+    batch: Transition,
+    psi: float,
+    gamma: float,
+    kappa: float,
+    cotangent: Cotangent | None,
 ) -> Tensor:
     size = batch.obs.shape[1]
     x = q.prepare(torch.cat([batch.obs, batch.next_obs], 1))
     values, pullback = q.vjp(weights, x)
-    cotangents = td_cotangent(
+    cotangents = (cotangent or td_cotangent)(
         values[..., :size],
         values[..., size:],
         batch.action.unsqueeze(1),
@@ -271,7 +300,9 @@ def _td_gradients(
     return pullback(torch.cat(cotangents, -1))
 
 
-def initial_posterior(sources: Tensor, settings: Settings) -> tuple[Gaussian, Precision]:
+def initial_posterior(
+    sources: Tensor, settings: Settings, prior_jitter: float = PRIOR_JITTER
+) -> tuple[Gaussian, Precision]:
     """The posterior's start, mu (R, C, d) and L (R, C, d, d), and the prior's precision.
 
     The minimiser of the KL is the prior itself for a Gaussian (eqs. 5.5 and 5.6), or, without
@@ -287,11 +318,11 @@ def initial_posterior(sources: Tensor, settings: Settings) -> tuple[Gaussian, Pr
     if settings.family == "gaussian":
         mu, spread = sources_mean_and_spread(sources)
         try:
-            precision = low_rank_precision(spread, PRIOR_JITTER)
+            precision = low_rank_precision(spread, prior_jitter)
             if settings.covariance == "diagonal":
                 factor = torch.diag_embed(precision.diagonal(d).rsqrt())
             else:
-                jitter = SPAN_JITTER if settings.init == "span" else PRIOR_JITTER
+                jitter = SPAN_JITTER if settings.init == "span" else prior_jitter
                 factor = covariance_factor(spread, jitter)
         except torch.linalg.LinAlgError:  # type: ignore[attr-defined]  # documented, not typed
             factor = torch.tensor(math.nan)
