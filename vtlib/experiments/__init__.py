@@ -8,6 +8,7 @@ from vtlib.experiments.control import (
     CARTPOLE_OTHER_SOURCES,
     CARTPOLE_SLIDERS,
 )
+from vtlib.experiments.deviations import ROOMS_CORNER, ROOMS_DEVIATIONS
 from vtlib.experiments.experiment import Experiment
 from vtlib.experiments.rooms import (
     ROOMS_CHANGE,
@@ -32,6 +33,8 @@ __all__ = [
     "POOLS",
     "ROOMS_CHANGE",
     "ROOMS_CHANGE_SLIDERS",
+    "ROOMS_CORNER",
+    "ROOMS_DEVIATIONS",
     "ROOMS_EVALUATION",
     "ROOMS_EXPLORATION",
     "ROOMS_LIKELIHOOD",
@@ -61,6 +64,8 @@ EXPERIMENTS = {
         CARTPOLE_COLLAPSE,
         CAR,
         CAR_SLIDERS,
+        ROOMS_DEVIATIONS,
+        ROOMS_CORNER,
     )
 }
 POOLS = {e.pool.name: e.pool for e in EXPERIMENTS.values()}

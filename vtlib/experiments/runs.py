@@ -13,6 +13,7 @@ from vtlib.baselines import DDQN, DDQNSettings, MellowTD, MellowTDSettings
 from vtlib.domains import domain, first_weights, parameters
 from vtlib.envs.episodes import Episodes, RecordedEpisodes, Tasks
 from vtlib.evaluation import GreedyReturn
+from vtlib.experiments.deviations import DeviatingSettings, DeviatingTransfer
 from vtlib.experiments.experiment import Algorithm, Experiment
 from vtlib.experiments.probes import CoverageProbe
 from vtlib.sources import check_pool_weights, draw_tasks
@@ -87,7 +88,9 @@ def prepare(
         check_pool_weights(experiment.pool, pool)
         chosen = chosen_sources(experiment, runs)[:, : experiment.sources_of(label)]
         sources = torch.from_numpy(pool[chosen])
-        agent = VariationalTransfer(
+        deviates = isinstance(algorithm, DeviatingSettings)
+        kind_of_transfer = DeviatingTransfer if deviates else VariationalTransfer
+        agent = kind_of_transfer(
             q,
             sources,
             tasks.obs_dim,
