@@ -86,9 +86,10 @@ def outcome(effect: Interval) -> str:
 
     There is none when the whole interval is smaller than that; otherwise it is undecided.
     """
-    if abs(effect.centre) >= COUNTS and effect.low * effect.high > 0:
-        return HIGHER if effect.centre > 0 else LOWER
-    return NONE if max(-effect.low, effect.high) < COUNTS else OPEN
+    centre, low, high = map(float, effect)
+    if abs(centre) >= COUNTS and low * high > 0:
+        return HIGHER if centre > 0 else LOWER
+    return NONE if max(-low, high) < COUNTS else OPEN
 
 
 def every_effect(deviations: Sequence[Deviation] = DEVIATIONS) -> dict[str, list[Effect]]:
@@ -194,7 +195,7 @@ def effects_figure(effects: Mapping[str, Sequence[Effect]]) -> Figure:
     return figure
 
 
-def _places(count: int) -> npt.NDArray[np.float64]:
+def _places(count: int) -> npt.NDArray[np.floating]:
     return (np.arange(count) - (count - 1) / 2) * 0.3
 
 
@@ -211,8 +212,15 @@ def _draw(ax: Axes, y: float, one: Comparison, effect: Interval) -> None:
         label=one.algorithm,
     )
     if one.note:
-        aside = {"textcoords": "offset points", "ha": "right", "va": "center", "size": 8}
-        ax.annotate(one.note, (low, y), (-4, 0), **aside)
+        ax.annotate(
+            one.note,
+            (low, y),
+            (-4, 0),
+            textcoords="offset points",
+            ha="right",
+            va="center",
+            size=8,
+        )
 
 
 @dataclass(frozen=True)

@@ -88,17 +88,11 @@ def prepare(
         check_pool_weights(experiment.pool, pool)
         chosen = chosen_sources(experiment, runs)[:, : experiment.sources_of(label)]
         sources = torch.from_numpy(pool[chosen])
-        deviates = isinstance(algorithm, DeviatingSettings)
-        kind_of_transfer = DeviatingTransfer if deviates else VariationalTransfer
-        agent = kind_of_transfer(
-            q,
-            sources,
-            tasks.obs_dim,
-            algorithm,
-            stream("posterior"),
-            stream("component"),
-            stream("replay"),
-        )
+        three = stream("posterior"), stream("component"), stream("replay")
+        if isinstance(algorithm, DeviatingSettings):
+            agent = DeviatingTransfer(q, sources, tasks.obs_dim, algorithm, *three)
+        else:
+            agent = VariationalTransfer(q, sources, tasks.obs_dim, algorithm, *three)
     kind = RecordedEpisodes if experiment.visits else Episodes
     return Batch(
         agent,
