@@ -39,7 +39,7 @@ PANELS = {"mean over the run": "over", "at its end": "end"}
 LIMITS, TICKS = (-1.1, 0.25), (-1.0, -0.75, -0.5, -0.25, 0.0)
 LINK = re.compile(r"\[([^|\]]+)\|([^\]]+)\]")
 MINUS = "\N{MINUS SIGN}"
-HEAD = ("What", "The thesis", "The published code", "Here", "The other choice minus ours")
+HEAD = ("What", "The thesis", "The published code", "Here")
 
 
 @dataclass(frozen=True)
@@ -98,29 +98,26 @@ def every_effect(deviations: Sequence[Deviation] = DEVIATIONS) -> dict[str, list
 
 
 def table(effects: Mapping[str, Sequence[Effect]]) -> str:
-    """One row for each deviation, as HTML."""
+    """What each says and does, and below it what the other choice changes, as HTML."""
     head = "".join(f"<th>{escape(x)}</th>" for x in HEAD)
     body = "".join(
-        f"<tr><th colspan='{len(HEAD)}'>{escape(group)}</th></tr>"
+        f"<tbody><tr><th colspan='{len(HEAD)}'>{escape(group)}</th></tr></tbody>"
         + "".join(_row(one, effects[one.what]) for one in deviations)
         for group, deviations in GROUPS.items()
     )
-    return (
-        f"<table class='claims deviations'><thead><tr>{head}</tr></thead>"
-        f"<tbody>{body}</tbody></table>"
-    )
+    return f"<table class='claims deviations'><thead><tr>{head}</tr></thead>{body}</table>"
 
 
 def _row(one: Deviation, effects: Sequence[Effect]) -> str:
     said = (one.thesis, one.published, one.here)
     cells = "".join(
         f"<td data-label='{escape(label)}'>{linked(text)}</td>"
-        for label, text in zip(HEAD[1:4], said, strict=True)
+        for label, text in zip(HEAD[1:], said, strict=True)
     )
-    measured = "<br>".join(map(_numbers, effects))
+    measured = "<br>".join([f"<em>Otherwise: {linked(one.other)}</em>", *map(_numbers, effects)])
     return (
-        f"<tr><td>{linked(one.what)}</td>{cells}<td data-label='{escape(HEAD[4])}'>"
-        f"<em>{linked(one.other)}</em><br>{measured}</td></tr>"
+        f"<tbody><tr><td rowspan='2'>{linked(one.what)}</td>{cells}</tr>"
+        f"<tr><td colspan='{len(said)}'>{measured}</td></tr></tbody>"
     )
 
 
