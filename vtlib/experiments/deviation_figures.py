@@ -8,7 +8,6 @@ from dataclasses import asdict, dataclass
 from html import escape
 
 import numpy as np
-import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -86,10 +85,9 @@ def outcome(effect: Interval) -> str:
 
     There is none when the whole interval is smaller than that; otherwise it is undecided.
     """
-    centre, low, high = map(float, effect)
-    if abs(centre) >= COUNTS and low * high > 0:
-        return HIGHER if centre > 0 else LOWER
-    return NONE if max(-low, high) < COUNTS else OPEN
+    if abs(effect.centre) >= COUNTS and effect.low * effect.high > 0:
+        return HIGHER if effect.centre > 0 else LOWER
+    return NONE if max(-effect.low, effect.high) < COUNTS else OPEN
 
 
 def every_effect(deviations: Sequence[Deviation] = DEVIATIONS) -> dict[str, list[Effect]]:
@@ -143,13 +141,14 @@ def linked(text: str) -> str:
 
 
 def expectations_table(effects: Mapping[str, Sequence[Effect]]) -> str:
-    """What was expected of each effect, and what came, as HTML."""
+    """What was expected of each effect that had not been seen before, and what came, as HTML."""
     rows = [
-        [what, _name(one.comparison), one.comparison.expected or "seen before", one.outcome]
+        [f"{what}: {_name(one.comparison)}", one.comparison.expected, one.outcome]
         for what, each in effects.items()
         for one in each
+        if one.comparison.expected
     ]
-    return html_table(["deviation", "algorithm", "expected", "came"], rows)
+    return html_table(["deviation", "expected", "came"], rows)
 
 
 def changes_table() -> str:
@@ -192,8 +191,8 @@ def effects_figure(effects: Mapping[str, Sequence[Effect]]) -> Figure:
     return figure
 
 
-def _places(count: int) -> npt.NDArray[np.floating]:
-    return (np.arange(count) - (count - 1) / 2) * 0.3
+def _places(count: int) -> list[float]:
+    return [0.3 * (at - (count - 1) / 2) for at in range(count)]
 
 
 def _draw(ax: Axes, y: float, one: Comparison, effect: Interval) -> None:
@@ -210,13 +209,7 @@ def _draw(ax: Axes, y: float, one: Comparison, effect: Interval) -> None:
     )
     if one.note:
         ax.annotate(
-            one.note,
-            (low, y),
-            (-4, 0),
-            textcoords="offset points",
-            ha="right",
-            va="center",
-            size=8,
+            one.note, (low, y), (-4, 0), textcoords="offset points", ha="right", va="center", size=8
         )
 
 
