@@ -85,9 +85,10 @@ def outcome(effect: Interval) -> str:
 
     There is none when the whole interval is smaller than that; otherwise it is undecided.
     """
-    if abs(effect.centre) >= COUNTS and effect.low * effect.high > 0:
-        return HIGHER if effect.centre > 0 else LOWER
-    return NONE if max(-effect.low, effect.high) < COUNTS else OPEN
+    centre, low, high = map(float, effect)
+    if abs(centre) >= COUNTS and low * high > 0:
+        return HIGHER if centre > 0 else LOWER
+    return NONE if max(-low, high) < COUNTS else OPEN
 
 
 def every_effect(deviations: Sequence[Deviation] = DEVIATIONS) -> dict[str, list[Effect]]:
