@@ -3,6 +3,7 @@
 #   make test       linter and tests, which include building the book from scratch
 #   make lab        open the pages as notebooks in JupyterLab
 #   make reproduce  compute everything again from nothing, compare, and draw the book from it
+#   make oldest     test the library with the oldest versions allowed (make newest: with the newest)
 #   make clean      remove what the above made (make distclean: the environment, too)
 
 PYTHON ?= python3.11
@@ -29,7 +30,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 export PYDEVD_DISABLE_FILE_VALIDATION := 1
 
 .DEFAULT_GOAL := help
-.PHONY: help book test lint format lab reproduce clean distclean
+.PHONY: help book test lint format lab reproduce oldest newest clean distclean
 
 help:
 	@sed -n '/^#   make/s/^#   //p' Makefile
@@ -74,6 +75,18 @@ reproduce: $(SET_UP)
 	if [ $$code -le 1 ] && [ -z "$(ONLY)$(RUNS)" ]; then \
 		$(BIN)/python book/_ext/build.py --results _build/reproduced || exit 1; \
 	fi; exit $$code
+
+# The library alone: the book's tools are pinned. What is deprecated there is no error here.
+OF_THE_BOOK := $(addprefix tests/test_,$(addsuffix .py,assets book chapters cluster glossary notebooks))
+oldest newest: OTHER = _build/venv-$@
+oldest newest: export OMP_NUM_THREADS := 1
+oldest newest:
+	@echo "==> Testing the library with the $@ versions, in $(OTHER): half an hour, and up to 6 GB."
+	@test -x $(OTHER)/bin/python || $(PYTHON) -m venv $(OTHER)
+	@$(OTHER)/bin/pip install -q --retries 1 --timeout 30 --no-deps --index-url $(CPU_TORCH) \
+		$$(grep '^torch' tests/requirements-$@.txt) 2>/dev/null || true
+	@$(OTHER)/bin/pip install -q --upgrade -r tests/requirements-$@.txt
+	@$(OTHER)/bin/python -m pytest -W default $(addprefix --ignore=,$(OF_THE_BOOK))
 
 clean:
 	rm -rf _build .pytest_cache .ruff_cache .mypy_cache .hypothesis .coverage htmlcov book/_static/vendor
