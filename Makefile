@@ -2,13 +2,19 @@
 #   make book       build the book into _build/html
 #   make test       linter and tests, which include building the book from scratch
 #   make lab        open the pages as notebooks in JupyterLab
-#   make reproduce  compute every stored run again
+#   make reproduce  compute everything again from nothing, compare, and draw the book from it
+#   make oldest     test the library with the oldest versions allowed (make newest: with the newest)
 #   make clean      remove what the above made (make distclean: the environment, too)
 
 PYTHON ?= python3.11
 VENV   ?= .venv
 # For example --no-browser --port=9999.
 LAB_OPTIONS ?=
+# make reproduce ONLY="cartpole rooms-sliders" RUNS=2 JOBS=4, or SCHEDULER=tcp://host:8786
+ONLY ?=
+RUNS ?=
+JOBS ?=
+SCHEDULER ?=
 
 BIN     := $(VENV)/bin
 SET_UP  := $(VENV)/set-up-is-done
@@ -24,7 +30,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 export PYDEVD_DISABLE_FILE_VALIDATION := 1
 
 .DEFAULT_GOAL := help
-.PHONY: help book test lint format lab reproduce clean distclean
+.PHONY: help book test lint format lab reproduce oldest newest clean distclean
 
 help:
 	@sed -n '/^#   make/s/^#   //p' Makefile
@@ -41,9 +47,10 @@ test: $(SET_UP)
 	@$(BIN)/python -m pytest
 
 lint: $(SET_UP)
-	@echo "==> Checking style: a few seconds."
+	@echo "==> Checking style and types: a minute the first time, then seconds."
 	@$(BIN)/ruff check $(PYFILES)
 	@$(BIN)/ruff format --check $(PYFILES)
+	@$(BIN)/mypy
 	@PATH="$(abspath $(BIN)):$$PATH" $(BIN)/nbqa "ruff check" $(PAGES) $(PAGE_RULES)
 	@PATH="$(abspath $(BIN)):$$PATH" $(BIN)/nbqa "ruff format --check" $(PAGES)
 
@@ -59,13 +66,30 @@ lab: $(SET_UP)
 	@$(BIN)/jupytext-config set-default-viewer markdown python >/dev/null
 	@$(BIN)/jupyter lab $(LAB_OPTIONS) book
 
+# The book is drawn from the new runs when there are all of them, and even if some differ.
 reproduce: $(SET_UP)
-	@echo "==> Computing every stored run again: see the estimate printed below. Ctrl-C is safe: the"
-	@echo "    same command goes on where it was stopped."
-	@$(BIN)/python -m vtlib reproduce
+	@echo "==> Computing stored runs again from nothing: all of them take hours, see the time left."
+	@echo "    Ctrl-C is safe: the same command goes on where it was stopped."
+	@$(BIN)/python -m vtlib reproduce $(addprefix --only ,$(ONLY)) $(addprefix --runs ,$(RUNS)) \
+		$(addprefix --jobs ,$(JOBS)) $(addprefix --scheduler ,$(SCHEDULER)); code=$$?; \
+	if [ $$code -le 1 ] && [ -z "$(ONLY)$(RUNS)" ]; then \
+		$(BIN)/python book/_ext/build.py --results _build/reproduced || exit 1; \
+	fi; exit $$code
+
+# The library alone: the book's tools are pinned. What is deprecated there is no error here.
+OF_THE_BOOK := $(addprefix tests/test_,$(addsuffix .py,assets book chapters cluster glossary notebooks))
+oldest newest: OTHER = _build/venv-$@
+oldest newest: export OMP_NUM_THREADS := 1
+oldest newest:
+	@echo "==> Testing the library with the $@ versions, in $(OTHER): half an hour, and up to 6 GB."
+	@test -x $(OTHER)/bin/python || $(PYTHON) -m venv $(OTHER)
+	@$(OTHER)/bin/pip install -q --retries 1 --timeout 30 --no-deps --index-url $(CPU_TORCH) \
+		$$(grep '^torch' tests/requirements-$@.txt) 2>/dev/null || true
+	@$(OTHER)/bin/pip install -q --upgrade -r tests/requirements-$@.txt
+	@$(OTHER)/bin/python -m pytest -W default $(addprefix --ignore=,$(OF_THE_BOOK))
 
 clean:
-	rm -rf _build .pytest_cache .ruff_cache .hypothesis .coverage htmlcov book/_static/vendor
+	rm -rf _build .pytest_cache .ruff_cache .mypy_cache .hypothesis .coverage htmlcov book/_static/vendor
 
 distclean: clean
 	rm -rf $(VENV) *.egg-info

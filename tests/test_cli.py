@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 import re
 import shutil
+from concurrent.futures import BrokenExecutor, ThreadPoolExecutor
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,7 +19,7 @@ from vtlib import bench, store
 from vtlib.baselines import MellowTDSettings
 from vtlib.domains import DOMAINS
 from vtlib.envs.rooms import RoomsFamily
-from vtlib.experiments import EXPERIMENTS, POOLS, Experiment, work
+from vtlib.experiments import EXPERIMENTS, POOLS, Experiment, schedule, work
 from vtlib.experiments import runs as runs_of
 from vtlib.sources import Pool
 from vtlib.training import Diverged
@@ -45,16 +47,18 @@ TINY = Experiment(
 RESULTS = ("tiny-pool/sources", "tiny/tasks", "tiny/NT", "tiny/GVT")
 
 
-def run_here(missing, units, root, jobs, quiet):
-    for unit in units:
-        work.run_unit(unit, root, lambda unit, share: True)
+@contextmanager
+def here(progress):
+    """Work that is done in this process, one unit after the other."""
+    with ThreadPoolExecutor(1) as executor:
+        yield executor
 
 
 def install(monkeypatch: pytest.MonkeyPatch) -> None:
     """One small experiment, computed in this process, with targets that need no planning."""
     monkeypatch.setitem(EXPERIMENTS, TINY.name, TINY)
     monkeypatch.setitem(POOLS, POOL.name, POOL)
-    monkeypatch.setattr(work, "_run_all", run_here)
+    monkeypatch.setattr(cli, "processes", lambda jobs: here)
     planned = replace(DOMAINS[RoomsFamily], optimum=lambda tasks: torch.ones(len(tasks)))
     monkeypatch.setitem(DOMAINS, RoomsFamily, planned)
 
@@ -85,10 +89,10 @@ def refused(capsys: pytest.CaptureFixture[str], *arguments: str | Path) -> str:
     capsys.readouterr()
     assert cli.main([str(x) for x in arguments]) == 2
     error = capsys.readouterr().err
-    lines = error.splitlines()
-    assert len(lines) == 1, error
-    assert lines[0].startswith("vtlib: ")
-    return lines[0]
+    *bar, line = error.splitlines()
+    assert all("left" in shown for shown in bar if shown), error
+    assert line.startswith("vtlib: ")
+    return line
 
 
 def rewrite(root: Path, name: str, **change: np.ndarray) -> None:
@@ -138,20 +142,35 @@ def test_verify_notices_another_optimum(stored):
 
 def test_reproduce_computes_anew_and_compares(stored, tmp_path, capsys):
     fresh = tmp_path / "fresh"
-    rewrite(stored, "tiny/GVT", greedy=np.full((2, 2), 0.25, dtype=np.float32))
     store.remove(stored / "tiny/NT")
     arguments = ["reproduce", "--only", "tiny", "--fresh", fresh, "--results", stored]
     assert cli.main([str(x) for x in arguments]) == 0
-    lines = dict(line.split(": ", 1) for line in capsys.readouterr().out.splitlines())
-    assert list(lines) == list(RESULTS)
-    assert lines["tiny-pool/sources"].endswith("identical")
-    assert lines["tiny/tasks"].endswith("identical")
-    assert lines["tiny/NT"].endswith("nothing stored to compare with")
-    assert re.fullmatch(
-        r"\d+ s, final greedy 0\.2500 stored, 0\.\d{4} computed anew", lines["tiny/GVT"]
-    )
-    assert store.load(stored / "tiny/GVT")[0]["greedy"][0, 0] == 0.25
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[1::2][0] == "  sources: identical"
+    assert re.fullmatch(r"tiny: \d+ s of one core, \d+ MB at most in a process", lines[2])
+    assert "  tasks: identical" in lines
+    assert "  NT: nothing stored to compare with" in lines
+    assert "  GVT: identical" in lines
+    assert lines[-1].startswith("4 results compared, none differs")
     assert all(store.exists(fresh / name) for name in RESULTS)
+
+
+def test_reproduce_names_what_differs(stored, tmp_path, capsys):
+    rewrite(stored, "tiny/tasks", sources=np.array([[0, 1], [1, 1]]))
+    arguments = ["reproduce", "--only", "tiny", "--fresh", tmp_path / "f", "--results", stored]
+    assert cli.main([str(x) for x in arguments]) == 1
+    out = capsys.readouterr().out
+    assert "  tasks: other tasks, permutation test p = 0.0000: DIFFERENT" in out
+    assert "1 DIFFER" in out
+
+
+def test_reproduce_with_fewer_runs_compares_those(stored, tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    arguments = ["reproduce", "--only", "tiny", "--runs", "1", "--results", stored]
+    assert cli.main([str(x) for x in arguments]) == 0
+    assert "4 results compared, none differs" in capsys.readouterr().out
+    fresh = tmp_path / "_build" / "reproduced-1"
+    assert len(store.load(fresh / "tiny/GVT")[0]["run"]) == 1
 
 
 @pytest.mark.parametrize(
@@ -257,7 +276,7 @@ def test_a_pool_that_is_not_finite_is_refused(stored, capsys):
     rewrite(stored, "tiny-pool/sources", weights=weights)
     store.remove(stored / "tiny/GVT")
     line = refused(capsys, "run", "tiny", "--results", stored)
-    assert line == "vtlib: tiny-pool must hold 2 finite sources"
+    assert line == "vtlib: weights of tiny-pool must be finite, got NaN or infinity"
 
 
 def test_a_diverged_run_is_one_line(stored, capsys, monkeypatch):
@@ -295,15 +314,31 @@ def test_a_finished_run_leaves_no_parts_even_after_a_kill(stored):
 def test_an_error_in_a_process_of_its_own_is_one_line_without_a_traceback(
     tmp_path, capfd, monkeypatch
 ):
-    own_processes = work._run_all
     install(monkeypatch)
-    monkeypatch.setattr(work, "_run_all", own_processes)
-    # the processes import vtlib anew and know nothing of the small experiment
+    monkeypatch.setattr(cli, "processes", schedule.processes)
+    # an experiment whose runs diverge at once, in whatever process
+    wild = replace(TINY, algorithms={"NT": replace(TINY.algorithms["NT"], alpha=1e38)})
+    monkeypatch.setitem(EXPERIMENTS, "tiny", wild)
     assert cli.main(["run", "tiny", "--results", str(tmp_path), "--jobs", "1"]) == 2
     error = capfd.readouterr().err
-    assert "vtlib: unknown experiment 'tiny-pool'" in error.splitlines()[-1]
+    assert "vtlib: run 0 of tiny, NT diverged" in error.splitlines()[-1]
     assert "Traceback" not in error
-    assert not any(p.is_file() for p in tmp_path.rglob("*"))
+    assert store.exists(tmp_path / "tiny-pool/sources")
+
+
+def test_a_killed_process_is_one_line(tiny, capsys, tmp_path, monkeypatch):
+    def broken(*_):
+        raise BrokenExecutor("a process died")
+
+    monkeypatch.setattr(cli, "complete", broken)
+    assert "a process was killed" in refused(capsys, "run", "tiny", "--results", tmp_path)
+
+
+def test_jobs_and_a_scheduler_exclude_each_other(tiny, capsys):
+    with pytest.raises(SystemExit) as ended:
+        cli.main(["run", "tiny", "--jobs", "2", "--scheduler", "tcp://localhost:1"])
+    assert ended.value.code == 2
+    assert "not allowed with argument" in capsys.readouterr().err
 
 
 def test_bench_prints_its_table(monkeypatch, capsys):

@@ -35,6 +35,7 @@ TINY = Experiment(
     runs=2,
     sources=3,
     iterations=20,
+    every=10,
     excluded=(0, 1, 2, 3, 4),
 )
 WEIGHTS = (0.1 * np.random.default_rng(0).standard_normal((20, 1891))).astype(np.float32)

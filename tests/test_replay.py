@@ -103,5 +103,5 @@ def test_an_empty_buffer_cannot_be_sampled():
 
 @pytest.mark.parametrize("capacity", [0, -1])
 def test_capacity_must_be_positive(capacity):
-    with pytest.raises(ValueError, match="capacity must be at least 1"):
+    with pytest.raises(ValueError, match="capacity must be a whole number from 1"):
         ReplayBuffer(RUNS, capacity, 2)

@@ -14,6 +14,7 @@ ROOT = results_folder()
 PAIRS = list(dict.fromkeys(pair for name in EXPERIMENTS for pair in results_of(name)))
 DRAWN = 6
 SHORT = {"cartpole-sources-ddqn-separate", "mountain-car-sources"}  # not all sources are solved
+CORNER = "rooms-3-corner-sources"  # meant to show what is lost: most were never rewarded
 
 
 @pytest.mark.parametrize("name", EXPERIMENTS)
@@ -25,7 +26,7 @@ def test_every_result_is_stored_under_the_present_configuration(name):
             assert np.isfinite(values).all()
 
 
-@pytest.mark.parametrize("name", sorted(set(POOLS) - SHORT))
+@pytest.mark.parametrize("name", sorted(set(POOLS) - SHORT - {CORNER}))
 def test_sources_are_solved(name):
     sources, _ = load_result(name, "sources", ROOT)
     assert len(sources["weights"]) == POOLS[name].count
@@ -39,6 +40,14 @@ def test_sources_that_fall_short_were_trained_to_the_limit(name):
     sources, _ = load_result(name, "sources", ROOT)
     assert len(sources["weights"]) == POOLS[name].count
     assert 0.5 < sources["solved"].mean() < 1
+
+
+def test_sources_from_the_corner_are_as_they_were_after_their_iterations():
+    sources, _ = load_result(CORNER, "sources", ROOT)
+    assert (sources["iterations"] == POOLS[CORNER].limit).all()
+    rewarded = (sources["weights"] != 0).any(1)
+    assert not sources["solved"][~rewarded].any()
+    assert 0 < sources["solved"].sum() < rewarded.sum() < len(rewarded) / 2
 
 
 def test_results_stay_small():

@@ -45,16 +45,16 @@ TINY = Experiment(
 @pytest.mark.parametrize(
     ("bad", "message"),
     [
-        ({"runs_per_task": 0}, "runs_per_task must divide the 6 runs, got 0"),
-        ({"runs_per_task": -3}, "runs_per_task must divide the 6 runs, got -3"),
+        ({"runs_per_task": 0}, "runs_per_task must be a whole number from 1 .*, got 0"),
+        ({"runs_per_task": -3}, "runs_per_task must be a whole number from 1 .*, got -3"),
         ({"runs_per_task": 4}, "runs_per_task must divide the 6 runs, got 4"),
         ({"runs_per_task": 12}, "runs_per_task must divide the 6 runs, got 12"),
-        ({"counts": {"from-2": 0}}, "1..8 sources, got from-2: 0"),
-        ({"counts": {"from-2": 9}}, "1..8 sources, got from-2: 9"),
-        ({"counts": {"from-2": -1}}, "1..8 sources, got from-2: -1"),
-        ({"counts": {"from-3": 3}}, "must give algorithms .* got from-3: 3"),
+        ({"counts": {"from-2": 0}}, r"counts\['from-2'\] must be .* from 1 to 8, got 0"),
+        ({"counts": {"from-2": 9}}, r"counts\['from-2'\] must be .* from 1 to 8, got 9"),
+        ({"counts": {"from-2": -1}}, r"counts\['from-2'\] must be .* from 1 to 8, got -1"),
+        ({"counts": {"from-3": 3}}, "a label in counts must be one of NT, .* got 'from-3'"),
         # a count that was right before the sources became fewer
-        ({"sources": 4}, "1..4 sources, got from-5: 5"),
+        ({"sources": 4}, r"counts\['from-5'\] must be .* from 1 to 4, got 5"),
     ],
 )
 def test_an_experiment_that_cannot_be_run_is_refused(bad, message):
@@ -177,11 +177,10 @@ def test_batches_of_visits_join_along_the_runs(monkeypatch, tmp_path):
     monkeypatch.setitem(EXPERIMENTS, kept.name, kept)
     monkeypatch.setitem(POOLS, POOL.name, POOL)
     monkeypatch.setattr(work, "BATCH", 4)
-    monkeypatch.setattr(work, "pool_weights", lambda pool, root: WEIGHTS)
     units = [unit for unit in work.run_units(kept) if unit.label != "tasks"]
     assert [unit.members for unit in units] == [(0, 1, 2, 3), (4, 5)]
     for unit in units:
-        work.run_unit(unit, tmp_path, lambda unit, share: True)
+        work.keep(unit, *work.compute(unit, WEIGHTS), tmp_path)
     work.join_finished(units, tmp_path)
     arrays, note = work.load_result(kept.name, "from-2", tmp_path)
     whole = run_batch(kept, "from-2", range(6), WEIGHTS)
@@ -195,7 +194,7 @@ def test_batches_of_visits_join_along_the_runs(monkeypatch, tmp_path):
 )
 def test_a_result_of_other_tasks_or_sources_is_refused(monkeypatch, tmp_path, changed):
     monkeypatch.setitem(EXPERIMENTS, TINY.name, TINY)
-    note = {"config": work.config_of(TINY.name, "from-2")}
+    note = {"config": work.config_of(TINY, "from-2"), "seconds": 1.0}
     store.save(tmp_path / TINY.name / "from-2", {"run": np.arange(6)}, note)
     work.load_result(TINY.name, "from-2", tmp_path)
     monkeypatch.setitem(EXPERIMENTS, TINY.name, replace(TINY, **changed))

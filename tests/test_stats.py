@@ -16,6 +16,7 @@ from vtlib.stats import (
     improvement_interval,
     interquartile_mean,
     mean_interval,
+    same_distribution_p,
     slope_interval,
 )
 
@@ -276,3 +277,33 @@ def test_slope_is_that_of_least_squares_and_covers():
 def test_slope_needs_three_runs_at_different_places(x):
     with pytest.raises(ValueError, match="at least 3 runs"):
         slope_interval(np.array(x), np.array(x))
+
+
+def test_exchangeable_pairs_are_rejected_as_often_as_the_level_says():
+    rng = np.random.default_rng(3)
+    pairs = rng.normal(size=(300, 2, 15)) + 3 * rng.normal(size=(300, 1, 15))
+    p = np.array([same_distribution_p(a, b, rng, 200) for a, b in pairs])
+    # binomial: 300 tests at 0.1 reject 30 +- 5.2; ties of the distance make it fewer
+    assert (p <= 0.1).sum() < 30 + 4 * 5.2
+    assert (p <= 0.5).mean() > 0.2
+
+
+def test_a_shift_of_each_pair_is_found_and_needs_no_ties():
+    rng = np.random.default_rng(4)
+    a = rng.normal(size=20)
+    assert same_distribution_p(a, a + 2, rng) < 0.001
+    assert same_distribution_p(a, a, rng) == 1
+    assert same_distribution_p(np.zeros(20), np.zeros(20), rng) == 1
+
+
+def test_the_p_value_of_few_pairs_is_what_counting_gives():
+    # two pairs, apart: of the four exchanges two are as far apart as observed
+    a, b = np.array([0.0, 1.0]), np.array([10.0, 11.0])
+    p = same_distribution_p(a, b, np.random.default_rng(5), 20_000)
+    assert p == pytest.approx(0.5, abs=4 * 0.5 / np.sqrt(20_000))
+
+
+@pytest.mark.parametrize(("a", "b"), [([1, 2], [1]), ([], []), ([[1, 2]], [[1, 2]])])
+def test_pairs_must_be_pairs(a, b):
+    with pytest.raises(ValueError, match="needs pairs of runs"):
+        same_distribution_p(np.array(a), np.array(b), np.random.default_rng(0))

@@ -56,6 +56,9 @@ class Fixed:
     def __init__(self, numbers: Tensor) -> None:
         self._numbers = numbers
 
+    def __len__(self) -> int:
+        return len(self._numbers)
+
     def normal(self, n: int) -> Tensor:
         assert self._numbers.shape[1] == n
         return self._numbers

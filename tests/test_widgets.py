@@ -345,7 +345,7 @@ def test_an_error_is_shown_and_the_buttons_come_back():
     before = part(panel, ui.HTML).value
     panel.run()
     panel.wait()
-    assert panel.message == "sources must be finite, got NaN or infinity"
+    assert panel.message == "weights of tiny-pool must be finite, got NaN or infinity"
     assert part(panel, ui.HTML).value == before
     assert_ready(panel)
 

@@ -1,24 +1,26 @@
 import json
 import multiprocessing
-import os
 import shutil
-import signal
 import subprocess
 import sys
 import time
-from concurrent.futures import Future
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 
 from vtlib import store
 from vtlib.baselines import MellowTDSettings
+from vtlib.domains import DOMAINS
 from vtlib.envs.rooms import RoomsFamily
-from vtlib.experiments import EXPERIMENTS, POOLS, Experiment, named, verify, work
-from vtlib.experiments.reproduce import reproduce
+from vtlib.experiments import EXPERIMENTS, POOLS, Experiment, named, schedule, verify, work
+from vtlib.experiments.schedule import complete
 from vtlib.sources import Pool
+from vtlib.training import Diverged
 from vtlib.transfer import Settings
 
 POOL = Pool(
@@ -47,20 +49,20 @@ TINY = Experiment(
 )
 
 
-RUN_ALL = work._run_all
+@contextmanager
+def here(progress):
+    """Work that is done in this process, one unit after the other."""
+    with ThreadPoolExecutor(1) as executor:
+        yield executor
 
 
 def install(monkeypatch):
-    """A small experiment under its own names, computed in this process."""
+    """A small experiment under its own names, with targets that need no planning."""
     monkeypatch.setitem(EXPERIMENTS, TINY.name, TINY)
     monkeypatch.setitem(POOLS, POOL.name, POOL)
     monkeypatch.setattr(work, "BATCH", 2)
-    monkeypatch.setattr(work, "_run_all", run_here)
-
-
-def run_here(missing, units, root, jobs, quiet):
-    for unit in missing:
-        work.run_unit(unit, root, lambda unit, share: True)
+    planned = replace(DOMAINS[RoomsFamily], optimum=lambda tasks: torch.ones(len(tasks)))
+    monkeypatch.setitem(DOMAINS, RoomsFamily, planned)
 
 
 @pytest.fixture
@@ -74,7 +76,7 @@ def computed(tmp_path_factory):
     root = tmp_path_factory.mktemp("computed")
     with pytest.MonkeyPatch.context() as monkeypatch:
         install(monkeypatch)
-        work.complete("tiny", root, jobs=1)
+        complete([TINY], root, here)
     return root
 
 
@@ -133,18 +135,12 @@ def test_a_result_of_another_configuration_is_refused(stored, monkeypatch):
 def test_finished_units_are_not_computed_again(stored, monkeypatch):
     kept = {u.result: (stored / f"{u.result}.npz").read_bytes() for u in work.run_units(TINY)}
     store.remove(stored / "tiny" / "GVT")
-    ran = []
-    monkeypatch.setattr(work, "_run_all", lambda us, *rest: (ran.extend(us), run_here(us, *rest)))
-    work.complete("tiny", stored, jobs=1)
+    ran, compute = [], work._compute
+    monkeypatch.setattr(work, "_compute", lambda u, *rest: (ran.append(u), compute(u, *rest))[1])
+    complete([TINY], stored, here)
     assert {u.label for u in ran} == {"GVT"}
     for result, data in kept.items():
         assert (stored / f"{result}.npz").read_bytes() == data
-
-
-def test_reproduce_says_what_is_identical(stored, tmp_path):
-    lines = reproduce(["tiny"], stored, tmp_path / "fresh", jobs=1)
-    assert len(lines) == len(verify.results_of("tiny"))
-    assert all("identical" in line for line in lines)
 
 
 def test_unknown_experiment():
@@ -155,65 +151,91 @@ def test_unknown_experiment():
 
 
 def _complete_in_child(root):
-    EXPERIMENTS[TINY.name], POOLS[POOL.name] = TINY, POOL
-    work.BATCH = 1
-    work._run_all = run_here
-    work.complete("tiny", root, jobs=1)
+    complete([TINY], root, here, quiet=True)
 
 
-@pytest.mark.parametrize("wait", [0.0, 0.4, 1.2])
-def test_killed_at_any_moment_the_same_call_finishes_with_the_same_files(
-    stored, tmp_path, wait, tiny
+def _stored(root):
+    return {str(path) for path in root.rglob("*.json")}
+
+
+def test_killed_ten_times_at_random_moments_the_same_call_leaves_the_same_files(
+    tiny, tmp_path, monkeypatch
 ):
-    root = tmp_path / "killed"
-    root.mkdir()
-    child = multiprocessing.get_context("fork").Process(target=_complete_in_child, args=(root,))
-    child.start()
-    while child.is_alive() and not any(root.rglob("*.json")):
-        time.sleep(0.01)
-    time.sleep(wait)
-    if child.is_alive():
-        os.kill(child.pid, signal.SIGKILL)
-    child.join()
-    work.complete("tiny", root, jobs=1)
+    monkeypatch.setattr(work, "BATCH", 1)
+    began = time.monotonic()
+    complete([TINY], tmp_path / "undisturbed", here)
+    took = time.monotonic() - began
+    root, kills = tmp_path / "killed", 0
+    # after each unit that is done, at a random moment of the next or the one after
+    for wait in np.random.default_rng(0).uniform(0, took / 10, 10):
+        before = _stored(root)
+        child = multiprocessing.get_context("fork").Process(target=_complete_in_child, args=(root,))
+        child.start()
+        while child.is_alive() and _stored(root) == before:
+            time.sleep(0.001)
+        time.sleep(wait)
+        kills += child.is_alive()
+        child.kill()
+        child.join()
+    assert kills >= 3  # the others found nothing left to do
+    complete([TINY], root, here)
     for owner, label in verify.results_of("tiny"):
-        again, _ = store.load(root / owner / label)
-        first, _ = store.load(stored / owner / label)
-        for key in first:
-            np.testing.assert_allclose(again[key], first[key], rtol=1e-3, atol=1e-3)
+        undisturbed, _ = store.load(tmp_path / "undisturbed" / owner / label)
+        assert store.same_arrays(store.load(root / owner / label)[0], undisturbed)
+    assert not (root / work.PARTS).exists()
 
 
-class Inline:
-    """An executor that does at once what it is given, in this process."""
-
-    def __init__(self, *_):
-        pass
-
-    def __enter__(self):
-        return self
-
-    def __exit__(self, *_):
-        pass
-
-    def submit(self, function, *arguments):
-        future = Future()
-        future.set_result(function(*arguments))
-        return future
-
-
-def test_parts_left_from_a_run_that_was_stopped_are_joined_with_the_others(
-    tiny, tmp_path, stored, monkeypatch
-):
-    monkeypatch.setattr(work, "_run_all", RUN_ALL)
-    monkeypatch.setattr(work, "ProcessPoolExecutor", Inline)
-    monkeypatch.setattr(work, "_in_process", lambda u, root: work.run_unit(u, root, lambda *_: 1))
-    shutil.copytree(stored / POOL.name, tmp_path / "again" / POOL.name)
+def test_parts_left_from_a_run_that_was_stopped_are_joined_with_the_others(tiny, tmp_path, stored):
     root = tmp_path / "again"
+    shutil.copytree(stored / POOL.name, root / POOL.name)
     left = next(unit for unit in work.run_units(tiny) if unit.label == "NT")
-    work.run_unit(left, root, lambda *_: True)
-    work.complete("tiny", root, jobs=1, quiet=True)
+    work.keep(left, *work.compute(left, work.pool_weights(POOL, root)), root)
+    complete([TINY], root, here, quiet=True)
     for label in tiny.algorithms:
         assert list(store.load(root / "tiny" / label)[0]["run"]) == [0, 1, 2]
+
+
+def test_parts_of_a_result_that_is_joined_are_removed(stored):
+    unit = work.run_units(TINY)[0]
+    work.keep(unit, *work.compute(unit, work.pool_weights(POOL, stored)), stored)
+    complete([TINY], stored, here)
+    assert not (stored / work.PARTS).exists()
+
+
+def test_an_error_of_one_unit_keeps_what_the_others_have_done(tiny, tmp_path, monkeypatch):
+    compute = work._compute
+
+    def diverging(unit, *rest):
+        if unit.label == "NT" and unit.members == (2,):
+            raise Diverged("run 2 of tiny, NT diverged")
+        return compute(unit, *rest)
+
+    monkeypatch.setattr(work, "_compute", diverging)
+    with pytest.raises(Diverged, match="run 2 of tiny"):
+        complete([TINY], tmp_path, here, quiet=True)
+    assert store.exists(tmp_path / POOL.name / "sources")
+    monkeypatch.setattr(work, "_compute", compute)
+    complete([TINY], tmp_path, here, quiet=True)
+    assert store.exists(tmp_path / "tiny" / "NT")
+
+
+def test_two_experiments_share_their_pool_and_one_bar(tmp_path, capsys, monkeypatch):
+    install(monkeypatch)
+    other = replace(TINY, name="other", algorithms={"NT": TINY.algorithms["NT"]})
+    complete([TINY, other], tmp_path, here)
+    assert {p.parent.name for p in tmp_path.rglob("*.npz")} == {POOL.name, "tiny", "other"}
+    bar = capsys.readouterr().err
+    assert "2 experiments 100%" in bar
+    assert "left" in bar
+
+
+def test_the_time_of_a_unit_is_expected_as_it_was_for_the_stored_runs():
+    experiment = named("rooms-evaluation")
+    note = store.provenance(store.results_folder() / "rooms-evaluation" / "GVT")
+    units = [u for u in work.run_units(experiment) if u.label == "GVT"]
+    expected = sum(map(schedule.expected_seconds, units))
+    assert expected == pytest.approx(note["seconds"])
+    assert schedule.expected_seconds(work.source_units(POOL)[0]) > 0
 
 
 def test_a_part_of_another_configuration_stops_it_before_anything_is_computed(
@@ -222,20 +244,21 @@ def test_a_part_of_another_configuration_stops_it_before_anything_is_computed(
     root, ran = tmp_path / "parts", []
     unit = work.source_units(POOL)[0]
     store.save(root / unit.part, {"x": np.zeros(1)}, {"config": {"limit": 7}, "seconds": 1.0})
-    monkeypatch.setattr(work, "_run_all", lambda *_: ran.append(1))
+    monkeypatch.setattr(work, "_compute", lambda *_: ran.append(1))
     with pytest.raises(store.TornResult, match="another configuration"):
-        work.complete("tiny", root, jobs=1)
+        complete([TINY], root, here)
     assert not ran
 
 
-def test_real_processes_compute_what_is_missing(tmp_path):
-    name = "rooms-evaluation"
-    for owner in (named(name).pool.name, name):
-        shutil.copytree(store.results_folder() / owner, tmp_path / owner)
-    store.remove(tmp_path / name / "tasks")
-    work.complete(name, tmp_path, jobs=2, quiet=True)
-    for key, values in store.load(store.results_folder() / name / "tasks")[0].items():
-        np.testing.assert_allclose(store.load(tmp_path / name / "tasks")[0][key], values, 1e-4)
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_real_processes_compute_what_is_missing(tiny, stored, jobs):
+    before, _ = store.load(stored / "tiny" / "NT")
+    store.remove(stored / "tiny" / "NT")
+    store.remove(stored / "tiny" / "tasks")
+    complete([TINY], stored, schedule.processes(jobs), quiet=True)
+    after, note = store.load(stored / "tiny" / "NT")
+    assert store.same_arrays(before, after)
+    assert 10 < note["megabytes"] < 5000
 
 
 def _children(pid):

@@ -5,15 +5,17 @@ from __future__ import annotations
 import argparse
 import os
 import sys
+from concurrent.futures import BrokenExecutor
 from pathlib import Path
 
 import torch
 
 from vtlib import bench, store
+from vtlib.checks import one_line
 from vtlib.experiments import EXPERIMENTS, named
-from vtlib.experiments.reproduce import reproduce
+from vtlib.experiments.reproduce import differing, first_runs, report, reproduce
+from vtlib.experiments.schedule import Workers, cluster, complete, processes
 from vtlib.experiments.verify import mismatches, results_of
-from vtlib.experiments.work import complete
 from vtlib.training import Diverged
 
 
@@ -22,9 +24,12 @@ def main(arguments: list[str] | None = None) -> int:
     options = _parser().parse_args(arguments)
     torch.set_num_threads(1)
     try:
-        return options.command(options)
+        return int(options.command(options))
     except (ValueError, OSError, store.TornResult, Diverged) as error:
-        print(f"vtlib: {error}", file=sys.stderr)
+        print(f"vtlib: {one_line(error)}", file=sys.stderr)
+        return 2
+    except BrokenExecutor:
+        print("vtlib: a process was killed; the same command goes on from here", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
         print("vtlib: interrupted; the same command goes on from here", file=sys.stderr)
@@ -42,14 +47,21 @@ def _parser() -> argparse.ArgumentParser:
     verify.set_defaults(command=_verify)
     again = commands.add_parser("reproduce", help="compute everything anew and compare")
     again.add_argument("--only", action="append", metavar="EXPERIMENT", help="may be repeated")
+    again.add_argument("--runs", type=_positive, help="only the first so many of each experiment")
     again.add_argument(
-        "--fresh", type=Path, default=Path("_build/reproduced"), help="where to compute it"
+        "--fresh",
+        type=Path,
+        help="where to compute it: _build/reproduced, or _build/reproduced-N with --runs N",
     )
     again.set_defaults(command=_reproduce)
     for command in (run, verify, again):
         command.add_argument("--results", type=Path, default=store.results_folder())
     for command in (run, again):
-        command.add_argument("--jobs", type=_positive, default=os.cpu_count(), help="processes")
+        where = command.add_mutually_exclusive_group()
+        where.add_argument("--jobs", type=_positive, help="processes; one per core if not given")
+        where.add_argument(
+            "--scheduler", metavar="ADDRESS", help="of a Dask cluster to use instead"
+        )
     speed = commands.add_parser("bench", help="milliseconds per run and iteration on one core")
     speed.set_defaults(command=lambda options: bench.main())
     return parser
@@ -57,13 +69,18 @@ def _parser() -> argparse.ArgumentParser:
 
 def _positive(text: str) -> int:
     if not text.isdigit() or int(text) < 1:
-        raise argparse.ArgumentTypeError(f"must be a whole number of at least 1, got {text}")
+        raise argparse.ArgumentTypeError(f"must be a whole number of at least 1, got {text!r}")
     return int(text)
 
 
+def _workers(options: argparse.Namespace) -> Workers:
+    if options.scheduler:
+        return cluster(options.scheduler)
+    return processes(options.jobs or os.cpu_count() or 1)
+
+
 def _run(options: argparse.Namespace) -> int:
-    named(options.experiment)
-    complete(options.experiment, options.results, options.jobs)
+    complete([named(options.experiment)], options.results, _workers(options))
     print(f"{options.experiment} is complete under {options.results}")
     return 0
 
@@ -79,12 +96,15 @@ def _verify(options: argparse.Namespace) -> int:
 
 
 def _reproduce(options: argparse.Namespace) -> int:
-    names = options.only or list(EXPERIMENTS)
-    for name in names:
-        named(name)
-    for line in reproduce(names, options.results, options.fresh, options.jobs):
+    experiments = [named(name) for name in dict.fromkeys(options.only or EXPERIMENTS)]
+    fresh = options.fresh or Path("_build/reproduced")
+    if options.runs:
+        experiments = [first_runs(e, options.runs) for e in experiments]
+        fresh = options.fresh or Path(f"_build/reproduced-{options.runs}")
+    comparisons = reproduce(experiments, options.results, fresh, _workers(options))
+    for line in report(comparisons):
         print(line)
-    return 0
+    return 1 if differing(comparisons) else 0
 
 
 if __name__ == "__main__":

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any, ClassVar
 
 import torch
 from torch import Tensor
 
+from vtlib.checks import check_between, check_kind, check_positive, check_weights, check_whole
 from vtlib.mellow import check_psi
 from vtlib.qfunctions import QFunction
 from vtlib.replay import ReplayBuffer, Transition
-from vtlib.streams import Stream
+from vtlib.streams import Stream, check_runs
 from vtlib.transfer import td_gradients
 
 
@@ -33,12 +34,11 @@ class LearnerSettings:
     alpha: float = 1e-3
 
     def __post_init__(self) -> None:
-        if not 0 <= self.epsilon_end <= 1:
-            raise ValueError(f"epsilon_end must lie in [0, 1], got {self.epsilon_end}")
-        if not 0 <= self.gamma < 1:
-            raise ValueError(f"gamma must lie in [0, 1), got {self.gamma}")
-        _check_whole(self, "epsilon_steps", "batch", "buffer")
-        _check_positive(self, "alpha")
+        for name in ("epsilon_steps", "batch", "buffer"):
+            check_whole(name, getattr(self, name))
+        check_between("epsilon_end", self.epsilon_end, 0, 1)
+        check_between("gamma", self.gamma, 0, 1, below=True)
+        check_positive("alpha", self.alpha)
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ class MellowTDSettings(LearnerSettings):
     def __post_init__(self) -> None:
         super().__post_init__()
         check_psi(self.psi)
-        _check_positive(self, "kappa")
+        check_positive("kappa", self.kappa)
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,7 @@ class DDQNSettings(LearnerSettings):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        _check_whole(self, "target_every")
+        check_whole("target_every", self.target_every)
 
 
 class EpsilonGreedyLearner(ABC):
@@ -73,8 +73,10 @@ class EpsilonGreedyLearner(ABC):
 
     w: (R, d) initial weights, copied. exploration and replay are the streams of epsilon-greedy
     actions and of mini-batches. ``mu`` (R, 1, d) are the current weights. Raises ValueError when
-    weights are not finite or of another shape.
+    weights are not finite, float32 or of another shape, or settings those of another algorithm.
     """
+
+    needs: ClassVar[type[LearnerSettings]]  # the settings of the algorithm
 
     def __init__(
         self,
@@ -85,18 +87,18 @@ class EpsilonGreedyLearner(ABC):
         exploration: Stream,
         replay: Stream,
     ) -> None:
-        if w.ndim != 2 or w.shape[1] != q.d or not torch.isfinite(w).all():
-            raise ValueError(
-                f"weights must be finite, of shape (runs, {q.d}), got {tuple(w.shape)}"
-            )
+        check_kind("settings", settings, self.needs)
+        check_kind("weights", w, Tensor)
+        check_weights("weights", w, "run", q.d)
+        check_runs(len(w), exploration, replay)
         self._q, self._settings = q, settings
         self._exploration, self._replay = exploration, replay
-        self.mu = w.unsqueeze(1).clone()
+        self.mu = w.detach().unsqueeze(1).clone()
         self._adam = torch.optim.Adam([self.mu], lr=settings.alpha, fused=True)
         self._buffer = ReplayBuffer(len(w), settings.buffer, obs_dim)
         self._steps = 0
 
-    def act(self, obs: Tensor, fresh: Tensor) -> Tensor:
+    def act(self, obs: Tensor, fresh: Tensor | None) -> Tensor:
         """Epsilon-greedy actions (R,)."""
         s = self._settings
         progress = min(1.0, self._steps / s.epsilon_steps)
@@ -133,6 +135,7 @@ class EpsilonGreedyLearner(ABC):
 class MellowTD(EpsilonGreedyLearner):
     """Direct minimisation of the squared mellow TD error (eq. 5.4)."""
 
+    needs = MellowTDSettings
     _settings: MellowTDSettings
 
     def _gradient(self, batch: Transition) -> Tensor:
@@ -146,9 +149,10 @@ class DDQN(EpsilonGreedyLearner):
     The loss is Huber's, quadratic up to an error of 1. Source: van Hasselt, Guez and Silver (2016).
     """
 
+    needs = DDQNSettings
     _settings: DDQNSettings
 
-    def __init__(self, *arguments, **named) -> None:
+    def __init__(self, *arguments: Any, **named: Any) -> None:
         super().__init__(*arguments, **named)
         self._target = self.mu.clone()
 
@@ -174,17 +178,3 @@ class DDQN(EpsilonGreedyLearner):
         error = batch.reward.unsqueeze(1) + alive * value - values.gather(-2, action).squeeze(-2)
         slope = error.clamp_(-1, 1).div_(-batch.obs.shape[1]).unsqueeze(-2)
         return pullback(torch.zeros_like(values).scatter_(-2, action, slope))
-
-
-def _check_whole(settings: object, *names: str) -> None:
-    for name in names:
-        value = getattr(settings, name)
-        if not (isinstance(value, int) and value >= 1):
-            raise ValueError(f"{name} must be a whole number of at least 1, got {value}")
-
-
-def _check_positive(settings: object, *names: str) -> None:
-    for name in names:
-        value = getattr(settings, name)
-        if not (math.isfinite(value) and value > 0):
-            raise ValueError(f"{name} must be finite and positive, got {value}")

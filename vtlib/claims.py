@@ -13,6 +13,7 @@ import numpy as np
 from vtlib.stats import Interval, difference_interval, mean_interval, slope_interval
 
 P = ParamSpec("P")
+Pair = tuple[np.ndarray, np.ndarray]
 REPRODUCED, PARTLY, NOT = "reproduced", "partly reproduced", "not reproduced"
 NEAR_OPTIMAL = 0.95  # a mean return of 95% of the optimum is called optimal
 SOLVED = 0.9  # a run whose greedy policy earns 90% of its own optimum has solved its task
@@ -42,7 +43,8 @@ class Returns:
         found = np.flatnonzero(self.iterations == iteration)
         if not len(found):
             raise ValueError(f"iteration {iteration} was not recorded")
-        return getattr(self, kind)[:, found[0]]
+        returns: np.ndarray = getattr(self, kind)[:, found[0]]
+        return returns
 
     def solved(self, iteration: int) -> float:
         """Share of runs whose greedy return is at least 90% of their optimum."""
@@ -210,7 +212,7 @@ def gathers_at_door(name: str, share: np.ndarray, even: float) -> Claim:
 
 
 @_check
-def covers_more(first: str, second: str, pairs: Mapping[str, tuple]) -> Claim:
+def covers_more(first: str, second: str, pairs: Mapping[str, Pair]) -> Claim:
     """By each measure the first covers clearly more.
 
     pairs: {name of the measure: (first's (R,), second's (R,))}.
@@ -265,7 +267,7 @@ ABOUT_HALF = 2 / 3  # at most this share of another return is called about half 
 
 
 @_check
-def earns_half(first: str, second: str, pairs: Mapping[str, tuple]) -> Claim:
+def earns_half(first: str, second: str, pairs: Mapping[str, Pair]) -> Claim:
     """At each time the first earns at most two thirds of what the second earns.
 
     pairs: {when: (first's (R,), second's (R,))}.
@@ -280,13 +282,13 @@ def earns_half(first: str, second: str, pairs: Mapping[str, tuple]) -> Claim:
 
 
 @_check
-def gap_closes(first: str, few: tuple, second: str, many: tuple, when: str) -> Claim:
+def gap_closes(first: str, few: Pair, second: str, many: Pair, when: str) -> Claim:
     """A clear difference with few sources, no clear one with many, and a smaller one.
 
     few and many: returns (R,) of the first and of the second algorithm.
     """
     start, end = difference_interval(*few), difference_interval(*many)
-    closer = bool(abs(end.centre) < abs(start.centre))
+    closer = bool(np.abs(end.centre) < np.abs(start.centre))
     met = bool(end.low <= 0 <= end.high)
     # curves that were never clearly apart, or stay apart, earn nothing for how they began
     from_apart = met and not start.low <= 0 <= start.high
@@ -443,5 +445,5 @@ def _mean(values: np.ndarray) -> float:
     return float(np.mean(values))
 
 
-def _interval(value) -> str:
+def _interval(value: Interval) -> str:
     return f"{value.centre:.3f} (95% interval {value.low:.3f} to {value.high:.3f})"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import torch
@@ -38,12 +39,12 @@ class Domain:
     """
 
     q: Callable[[], QFunction]
-    optimum: Callable[[Tasks], Tensor]
+    optimum: Callable[[Any], Tensor]  # Any: its own kind of tasks
     parameters: tuple[str, ...]
     scale: float
     passes: Callable[[Tensor, Tensor, float], Tensor]
     limits: tuple[float, float]
-    for_sources: Callable[[Tasks], Tasks] = lambda tasks: tasks
+    for_sources: Callable[[Any], Tasks] = lambda tasks: tasks
     window: int = 50
 
 

@@ -26,6 +26,13 @@ class DeferredFactors:
 
     ahead = AHEAD
 
+    _scale: float
+    _pending: int  # columns of U and V in use
+    _U: Tensor
+    _V: Tensor
+    _below: Tensor  # what W^T L owes to the blocks below the diagonal
+    _ahead: Tensor | None  # low z for the noise to come, None until it is asked for
+
     def __init__(
         self, L: Tensor, precision: Precision, alpha: float, sigma_min: float, clip: float
     ) -> None:
@@ -75,7 +82,7 @@ class DeferredFactors:
         left, right = self._blocks(gradients * -self._alpha), self._blocks(noise)
         if self._columns is not None:
             left = torch.cat([left, self._columns * pull], 2)
-            right = torch.cat([right, self._columns_times_L()], 2)
+            right = torch.cat([right, self._columns_times_L(self._columns)], 2)
         self._step_diagonal(left, right, shrink, pull)
         self._put_off(left, right, shrink)
 
@@ -92,7 +99,7 @@ class DeferredFactors:
             later = _sums_after(self._columns @ left.transpose(2, 3))
             self._below.mul_(shrink).add_(later @ right)
         added = left.shape[2]
-        if self._U is None:
+        if not len(self._U):
             shape = self._count, self._panels, AHEAD * added, self._width
             self._U, self._V = left.new_empty(shape), left.new_empty(shape)
         if self._scale * shrink < LEAST_SCALE or self._pending + added > self._U.shape[2]:
@@ -109,7 +116,8 @@ class DeferredFactors:
         U, V = (x.flatten(0, 1)[:, : self._pending] for x in (self._U, self._V))
         along = torch.bmm(z, V.transpose(1, 2)).unflatten(0, (self._count, self._panels))
         before = along.cumsum(1).sub_(along)
-        return torch.bmm(before.flatten(0, 1), U).unflatten(0, before.shape[:2])
+        added: Tensor = torch.bmm(before.flatten(0, 1), U).unflatten(0, before.shape[:2])
+        return added
 
     def _apply(self, shrink: float = 1.0) -> None:
         """Bring the blocks below the diagonal up to date, times a factor."""
@@ -136,10 +144,11 @@ class DeferredFactors:
         shape = self._count, draws, k, self._panels, self._width
         return out.view(shape).permute(1, 0, 3, 2, 4).contiguous()
 
-    def _columns_times_L(self) -> Tensor:
+    def _columns_times_L(self, columns: Tensor) -> Tensor:
         """W^T L times the root of the precision's scale, in blocks (M, P, r, width)."""
-        current = torch.bmm(self._columns.flatten(0, 1), self._diag)
-        return current.unflatten(0, self._columns.shape[:2]).add_(self._below)
+        current = torch.bmm(columns.flatten(0, 1), self._diag)
+        product: Tensor = current.unflatten(0, columns.shape[:2])
+        return product.add_(self._below)
 
     def _clipped_step(self, gradients: Tensor, noise: Tensor, kl_weight: float) -> None:
         """The same step with the gradient written out, for the rare case that clipping binds."""
@@ -159,7 +168,7 @@ class DeferredFactors:
         blocks.zero_()
         self._low = low
         self._scale, self._pending, self._ahead = 1.0, 0, None
-        self._U = self._V = None
+        self._U = self._V = L.new_empty(0)  # made when the first outer product is put off
         if self._columns is not None:
             self._below = self._blocks(self._rows(self._columns, self._padded) @ low)
         self._largest = max(float(self._low.abs().max()), float(self._diag.abs().max()))
@@ -186,7 +195,8 @@ class DeferredFactors:
     def _blocks(self, rows: Tensor) -> Tensor:
         """Vectors (..., k, up to padded) as blocks (..., P, k, width), padded with zeros."""
         wide = pad(rows, (0, self._padded - rows.shape[-1]))
-        return wide.unflatten(-1, (self._panels, self._width)).transpose(-2, -3).contiguous()
+        blocks: Tensor = wide.unflatten(-1, (self._panels, self._width))
+        return blocks.transpose(-2, -3).contiguous()
 
     def _rows(self, blocks: Tensor, length: int) -> Tensor:
         """Blocks (M, P, k, width) as vectors (M, k, length)."""

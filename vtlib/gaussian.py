@@ -48,7 +48,8 @@ def covariance_factor(spread: Tensor, jitter: float) -> Tensor:
     """Cholesky factor (..., d, d) of B B^T + jitter * I, from B (..., d, S)."""
     wide = spread.double()
     eye = torch.eye(wide.shape[-2], dtype=wide.dtype, device=wide.device)
-    return torch.linalg.cholesky(wide @ wide.transpose(-1, -2) + jitter * eye).to(spread.dtype)
+    factor: Tensor = torch.linalg.cholesky(wide @ wide.transpose(-1, -2) + jitter * eye)
+    return factor.to(spread.dtype)
 
 
 def low_rank_precision(spread: Tensor, jitter: float) -> Precision:
@@ -63,7 +64,7 @@ def kl(q: Gaussian, p: Gaussian) -> Tensor:
     whitened = torch.linalg.solve_triangular(p.L, q.L, upper=False)
     shift = torch.linalg.solve_triangular(p.L, (q.mu - p.mu).unsqueeze(-1), upper=False)
     log_volumes = _log_diagonal(p.L) - _log_diagonal(q.L)
-    squares = whitened.square().sum((-2, -1)) + shift.square().sum((-2, -1))
+    squares: Tensor = whitened.square().sum((-2, -1)) + shift.square().sum((-2, -1))
     return log_volumes + 0.5 * (squares - q.mu.shape[-1])
 
 

@@ -11,6 +11,7 @@ import torch
 from torch import Tensor
 
 from vtlib.baselines import MellowTD, MellowTDSettings
+from vtlib.checks import check_kind, check_weights, check_whole
 from vtlib.envs.episodes import GymEpisodes
 from vtlib.qfunctions import QFunction
 from vtlib.streams import Stream, generator
@@ -39,11 +40,13 @@ def solve(
     """Learn each environment from scratch by mellow TD, all from one common initialisation.
 
     A common start keeps the hidden units of a network comparable between sources. Everything
-    random derives from ``name``. Raises ValueError for spaces other than Box and Discrete.
+    random derives from ``name``. Raises ValueError for spaces other than Box and Discrete, and for
+    a Q-function with another number of observations or actions.
     """
+    check_whole("iterations", iterations)
     settings = settings or MellowTDSettings(epsilon_steps=max(1, iterations // 2))
+    episodes = _episodes(envs, q, name)
     runs = range(len(envs))
-    episodes = GymEpisodes(envs, _seeds(name, len(envs)))
     start = 0.1 * Stream(name, [0], "initial weights").normal(q.d).expand(len(envs), -1)
     streams = (Stream(name, runs, role) for role in ("exploration", "replay"))
     return _learn(
@@ -62,14 +65,29 @@ def transfer(
     """Learn each environment with a prior from solved sources (S, d): Algorithm 1.
 
     Everything random derives from ``name``. Raises ValueError for spaces other than Box and
-    Discrete, and for sources that are missing, not finite or not of the Q-function's shape.
+    Discrete, for a Q-function with another number of observations or actions, and for sources that
+    are missing, not finite or not of the Q-function's shape.
     """
+    check_whole("iterations", iterations)
+    check_kind("sources", sources, Tensor)
+    check_weights("sources", sources, "source", q.d)
+    episodes = _episodes(envs, q, name)
     runs = range(len(envs))
-    episodes = GymEpisodes(envs, _seeds(name, len(envs)))
     shared = sources.detach().expand(len(envs), *sources.shape)
     streams = (Stream(name, runs, role) for role in ("posterior", "component", "replay"))
     agent = VariationalTransfer(q, shared, episodes.obs_dim, settings or Settings(), *streams)
     return _learn(agent, episodes, iterations, name)
+
+
+def _episodes(envs: Sequence[gymnasium.Env], q: QFunction, name: str) -> GymEpisodes:
+    check_kind("envs", envs, Sequence)
+    episodes = GymEpisodes(envs, _seeds(name, len(envs)))
+    if q.n_actions != episodes.n_actions:
+        raise ValueError(
+            f"the Q-function must have the environments' {episodes.n_actions} actions, "
+            f"got {q.n_actions}"
+        )
+    return episodes
 
 
 def _learn(agent: Agent, episodes: GymEpisodes, iterations: int, name: str) -> Learned:

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import math
-
 import torch
 from torch import Tensor
 
+from vtlib.checks import check_between, check_positive
 from vtlib.exponential import exp_of_differences
 
 
@@ -17,8 +16,7 @@ def mellowmax(values: Tensor, kappa: float, dim: int = -1) -> Tensor:
     non-expansion. Source: Asadi and Littman (2017). Raises ValueError unless kappa is finite and
     positive.
     """
-    if not 0 < kappa < math.inf:
-        raise ValueError(f"kappa must be finite and positive, got {kappa}")
+    check_positive("kappa", kappa)
     top = values.amax(dim, keepdim=True)
     # the mean (not logsumexp minus a log) makes the mellowmax of equal values exact
     soft = exp_of_differences(kappa * (values - top)).mean(dim, keepdim=True).log_().div_(kappa)
@@ -80,5 +78,4 @@ def _row(action: Tensor, q: Tensor) -> Tensor:
 
 def check_psi(psi: float) -> None:
     """Raise ValueError unless psi lies in [0, 1]."""
-    if not (math.isfinite(psi) and 0 <= psi <= 1):
-        raise ValueError(f"psi must lie in [0, 1], got {psi}")
+    check_between("psi", psi, 0, 1)

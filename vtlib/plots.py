@@ -7,12 +7,14 @@ from base64 import b64encode
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
+from typing import Any
 
 import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.typing import LineStyleType
 from PIL import Image
 
 from vtlib.stats import mean_interval
@@ -28,14 +30,14 @@ COLOURS = {
 }
 OPTIMUM = "#1a1a1a"
 # Line styles tell curves apart in print, and variants of one algorithm from it.
-STYLES = {
+STYLES: dict[str, LineStyleType] = {
     "NT": (0, (1, 1)),
     "DDQN": (0, (3, 1, 1, 1, 1, 1)),
     "GVT": (0, (5, 1.5)),
     "2-MGVT": "-.",
     "3-MGVT": (0, (6, 1, 1, 1)),
 }
-STYLE = {
+STYLE: dict[Any, Any] = {  # by matplotlib's names of its settings
     "figure.facecolor": "white",
     "figure.dpi": 110,
     "savefig.dpi": 144,
@@ -76,7 +78,7 @@ class Curve:
     iterations: np.ndarray
     returns: np.ndarray
     colour: str
-    style: str | tuple = "-"
+    style: LineStyleType = "-"
 
 
 def curve(label: str, algorithm: str, iterations: np.ndarray, returns: np.ndarray) -> Curve:

@@ -16,6 +16,8 @@ import torch
 from torch import Tensor, nn
 from torch.func import functional_call, vjp, vmap
 
+from vtlib.checks import check_positive, check_whole, shown
+
 # Features below float32's rounding of their sum are zero: left in, they and their products become
 # denormal numbers, on which a processor is many times slower.
 ROUNDING = 1e-7
@@ -48,8 +50,8 @@ class RBFLinear:
     """
 
     def __init__(self, centers: Tensor, variance: float, n_actions: int) -> None:
-        if not variance > 0:
-            raise ValueError(f"variance must be positive, got {variance}")
+        check_positive("variance", variance)
+        check_whole("n_actions", n_actions)
         self.n_actions = self.width = n_actions
         self.d = n_actions * len(centers) ** 2
         self._centers = centers
@@ -58,12 +60,13 @@ class RBFLinear:
     def prepare(self, obs: Tensor) -> Tensor:
         """Features (R, m * m, B), one column per observation of (R, B, 2)."""
         # the Gaussian and its normaliser both factor over the axes
+        _check_observations(obs, 2)
         columns = obs.transpose(-1, -2).contiguous()
         apart = columns.unsqueeze(-2) - self._centers.unsqueeze(-1)
         axes = apart.square_().mul_(-self._rate)
         axes = axes.sub_(axes.amax(-2, keepdim=True)).clamp_(min=FAR).exp_()
         axes = axes.div_(axes.sum(-2, keepdim=True))
-        axes = nn.functional.threshold_(axes, ROUNDING, 0.0)
+        axes = torch.threshold_(axes, ROUNDING, 0.0)
         return (axes[:, 0].unsqueeze(2) * axes[:, 1].unsqueeze(1)).flatten(1, 2)
 
     def q(self, w: Tensor, x: Tensor) -> Tensor:
@@ -88,20 +91,25 @@ class MLP:
     """
 
     def __init__(self, sizes: Sequence[int]) -> None:
-        if len(sizes) < 2 or any(size < 1 for size in sizes):
-            raise ValueError(f"sizes must list at least two positive layer sizes, got {sizes}")
+        counts = isinstance(sizes, Sequence) and all(type(size) is int for size in sizes)
+        if not counts or len(sizes) < 2 or min(sizes) < 1:
+            raise ValueError(
+                f"sizes must list at least two positive layer sizes, got {shown(sizes)}"
+            )
         self._layers = list(pairwise(sizes))
         self.n_actions, self.width = sizes[-1], max(sizes)
         self.d = sum(out * (into + 1) for into, out in self._layers)
 
     def prepare(self, obs: Tensor) -> Tensor:
         """Observations (R, B, obs_dim) as columns (R, obs_dim + 1, B) that end in a one."""
+        _check_observations(obs, self._layers[0][0])
         columns = obs.transpose(-1, -2)
         return torch.cat([columns, torch.ones_like(columns[:, :1])], 1)
 
     def q(self, w: Tensor, x: Tensor) -> Tensor:
         """Values (R, K, A, B) of weights (R, K, d) at prepared observations."""
-        return self._forward(w, x)[1][-1].unflatten(0, w.shape[:2])
+        values: Tensor = self._forward(w, x)[1][-1].unflatten(0, w.shape[:2])
+        return values
 
     def vjp(self, w: Tensor, x: Tensor) -> tuple[Tensor, Callable[[Tensor], Tensor]]:
         """Values, and the map from a cotangent (R, K, A, B) to a gradient (R, K, d)."""
@@ -136,6 +144,13 @@ class MLP:
             passed.append(x)
             at += out * (into + 1)
         return matrices, passed
+
+
+def _check_observations(obs: Tensor, size: int) -> None:
+    if obs.shape[-1] != size:
+        raise ValueError(
+            f"observations must have {size} numbers for this Q-function, got {obs.shape[-1]}"
+        )
 
 
 def _gradients(matrices: list[Tensor], passed: list[Tensor], delta: Tensor) -> list[Tensor]:
@@ -177,6 +192,7 @@ class ModuleQ:
     """
 
     def __init__(self, module: nn.Module, n_actions: int) -> None:
+        check_whole("n_actions", n_actions)
         self.n_actions = n_actions
         self._module = module
         self._shapes = {name: p.shape for name, p in module.named_parameters()}
@@ -197,7 +213,8 @@ class ModuleQ:
 
     def vjp(self, w: Tensor, x: Tensor) -> tuple[Tensor, Callable[[Tensor], Tensor]]:
         """Values, and the map from a cotangent (R, K, A, B) to a gradient (R, K, d)."""
-        values, pullback = vjp(lambda weights: self.q(weights, x), w)
+        # torch cannot say that it returns a pair unless it is asked for more
+        values, pullback = vjp(lambda weights: self.q(weights, x), w)  # type: ignore[misc]
         return values, lambda cotangent: pullback(cotangent)[0]
 
     def _single(self, w: Tensor, x: Tensor) -> Tensor:
@@ -206,4 +223,5 @@ class ModuleQ:
             name: part.view(shape)
             for (name, shape), part in zip(self._shapes.items(), parts, strict=True)
         }
-        return functional_call(self._module, named, (x,)).transpose(-1, -2)
+        values: Tensor = functional_call(self._module, named, (x,))
+        return values.transpose(-1, -2)

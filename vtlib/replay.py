@@ -8,6 +8,8 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
+from vtlib.checks import check_whole
+
 
 class Transition(NamedTuple):
     """One or many transitions; leading axes (R,) for one step, (R, B) for a mini-batch.
@@ -31,8 +33,7 @@ class ReplayBuffer:
     """
 
     def __init__(self, runs: int, capacity: int, obs_dim: int, device: str = "cpu") -> None:
-        if capacity < 1:
-            raise ValueError(f"capacity must be at least 1, got {capacity}")
+        check_whole("capacity", capacity)
         self._capacity = capacity
         self._obs_dim = obs_dim
         # one row per transition (obs, next_obs, action, reward, terminal): one write, one gather

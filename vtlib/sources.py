@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import torch
 
 from vtlib.baselines import DDQN, DDQNSettings, MellowTD, MellowTDSettings
+from vtlib.checks import check_between, check_kind, check_name, check_weights, check_whole
 from vtlib.domains import Family, domain, first_weights, parameters
 from vtlib.envs.episodes import Episodes, Tasks
 from vtlib.envs.maze import MazeFamily, Mazes
@@ -24,7 +26,8 @@ class Pool:
     A source is kept at the first check, from ``iterations`` on, at which its greedy policy passes:
     over ``episodes`` episodes it reaches the ``required`` share, by its domain's measure. The
     others are trained on, up to ``limit`` iterations. Rooms sources start their episodes anywhere
-    in the square: from the corner alone, chance rarely finds the goal.
+    in the square: from the corner alone, chance rarely finds the goal. Raises ValueError for a
+    value outside its range.
     """
 
     name: str
@@ -39,10 +42,22 @@ class Pool:
         default_factory=lambda: MellowTDSettings(epsilon_steps=14_000)
     )
 
+    def __post_init__(self) -> None:
+        check_name("name", self.name)
+        check_kind("family", self.family, Family)
+        for name in ("count", "iterations", "limit", "check_every", "episodes"):
+            check_whole(name, getattr(self, name))
+        check_between("required", self.required, 0, 1)
+        check_kind("settings", self.settings, MellowTDSettings | DDQNSettings)
+
     @property
     def stream(self) -> str:
         """What seeds the sources."""
         return self.name
+
+    def for_learning(self, tasks: Tasks) -> Tasks:
+        """The tasks as the sources learn them."""
+        return domain(self.family).for_sources(tasks)
 
 
 @dataclass(frozen=True)
@@ -50,11 +65,18 @@ class NetworkPool(Pool):
     """A pool of networks; ``common`` starts them all from the same weights.
 
     Only then do hidden units stay comparable between sources, so that weights can be averaged.
-    A pool has the tasks and the random numbers of its ``twin``, if it names one.
+    A pool has the tasks and the random numbers of its ``twin``, if it names one. Raises ValueError
+    for a value outside its range.
     """
 
     common: bool = True
     twin: str = ""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_kind("common", self.common, bool)
+        if self.twin != "":
+            check_name("twin", self.twin)
 
     @property
     def stream(self) -> str:
@@ -64,9 +86,18 @@ class NetworkPool(Pool):
 
 @dataclass(frozen=True)
 class MazePool(NetworkPool):
-    """A pool of networks with one source for each maze that the family names, in their order."""
+    """A pool of networks with one source for each maze that the family names, in their order.
+
+    Raises ValueError for a value outside its range, such as another count.
+    """
 
     family: MazeFamily
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_kind("family", self.family, MazeFamily)
+        mazes = len(self.family.names)
+        check_whole("count", self.count, mazes, mazes)
 
 
 def pool_tasks(pool: Pool, sources: Sequence[int]) -> Tasks:
@@ -76,9 +107,17 @@ def pool_tasks(pool: Pool, sources: Sequence[int]) -> Tasks:
     return draw_tasks(pool.family, pool.stream, sources)
 
 
+def check_pool_weights(pool: Pool, weights: object) -> None:
+    """Raise ValueError unless weights are an array (count, d) of one finite vector per source."""
+    check_kind(f"weights of {pool.name}", weights, np.ndarray)
+    check_weights(f"weights of {pool.name}", weights, pool.count, domain(pool.family).q().d)
+
+
 def draw_tasks(family: Family, experiment: str, runs: Sequence[int]) -> Tasks:
     """One task for each run, whatever the other runs are."""
-    return family.join([family.sample(generator(experiment, run, "task"), 1) for run in runs])
+    # Any: the family's own kind of tasks
+    drawn: list[Any] = [family.sample(generator(experiment, run, "task"), 1) for run in runs]
+    return family.join(drawn)
 
 
 class SourceTraining:
@@ -97,7 +136,7 @@ class SourceTraining:
         learner = DDQN if isinstance(pool.settings, DDQNSettings) else MellowTD
         streams = stream("exploration"), stream("replay")
         self.agent = learner(q, start, self.tasks.obs_dim, pool.settings, *streams)
-        learning = mine.for_sources(self.tasks)
+        learning = pool.for_learning(self.tasks)
         self.episodes = Episodes(learning, stream("noise"), stream("start"), mine.window)
         self.greedy_return = GreedyReturn(
             q, self.tasks, stream("test noise"), stream("test start"), pool.episodes
@@ -122,7 +161,7 @@ class SourceTraining:
 
 
 def solve(
-    pool: Pool, sources: Sequence[int], progress: Callable[[int], None] = lambda done: None
+    pool: Pool, sources: Sequence[int], progress: Callable[[int], object] = lambda done: None
 ) -> dict[str, np.ndarray]:
     """Train and check some sources of a pool until each is solved or the limit is reached.
 

@@ -7,6 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from vtlib.checks import check_whole, shown
+
 # Two-sided 95 % quantiles of Student's t for 1 to 30 degrees of freedom.
 STUDENT_95 = (
     12.706, 4.303, 3.182, 2.776, 2.571, 2.447, 2.365, 2.306, 2.262, 2.228,
@@ -18,9 +20,9 @@ STUDENT_95 = (
 class Interval(NamedTuple):
     """A central value with the ends of its 95 % confidence interval."""
 
-    centre: np.ndarray
-    low: np.ndarray
-    high: np.ndarray
+    centre: np.ndarray | float
+    low: np.ndarray | float
+    high: np.ndarray | float
 
 
 def mean_interval(values: np.ndarray) -> Interval:
@@ -64,7 +66,8 @@ def interquartile_mean(values: np.ndarray) -> np.ndarray:
     low, high = 0.25 * runs, 0.75 * runs
     at = np.arange(runs)
     weight = np.clip(np.minimum(at + 1, high) - np.maximum(at, low), 0, 1)
-    return np.tensordot(weight, ordered, 1) / weight.sum()
+    mean: np.ndarray = np.tensordot(weight, ordered, 1) / weight.sum()
+    return mean
 
 
 def bootstrap_interval(
@@ -80,16 +83,23 @@ def bootstrap_interval(
     (R,), which are tasks, when these are given. Source: Agarwal et al. (2021).
     """
     values = _checked(values)
-    picks = _resampled(np.zeros(len(values)) if strata is None else strata, rng, draws)
-    if picks.shape[1] != len(values):
-        raise ValueError(f"{len(values)} runs need as many strata, got {picks.shape[1]}")
+    picks = _resampled(_checked_strata(strata, len(values)), rng, draws)
     drawn = np.stack([statistic(values[pick]) for pick in picks])
     low, high = np.quantile(drawn, (0.025, 0.975), axis=0)
     return Interval(statistic(values), low, high)
 
 
+def _checked_strata(strata: np.ndarray | None, runs: int) -> np.ndarray:
+    """The strata (R,), all alike when none are given."""
+    strata = np.zeros(runs) if strata is None else np.asarray(strata)
+    if strata.shape != (runs,):
+        raise ValueError(f"{runs} runs need as many strata, got shape {strata.shape}")
+    return strata
+
+
 def _resampled(strata: np.ndarray, rng: np.random.Generator, draws: int) -> np.ndarray:
     """Indices (draws, R): each stratum's runs drawn from that stratum with replacement."""
+    check_whole("draws", draws)
     picks = np.empty((draws, len(strata)), dtype=np.int64)
     for stratum in np.unique(strata):
         members = np.flatnonzero(strata == stratum)
@@ -113,7 +123,7 @@ def improvement_interval(
     a, b = _checked(a), _checked(b)
     if a.shape != b.shape or a.ndim != 1:
         raise ValueError(f"needs runs of two algorithms, both (R,), got {a.shape} and {b.shape}")
-    strata = np.zeros(len(a)) if strata is None else np.asarray(strata)
+    strata = _checked_strata(strata, len(a))
     wins = (a[:, None] > b) + 0.5 * (a[:, None] == b)
     groups = [np.flatnonzero(strata == stratum) for stratum in np.unique(strata)]
 
@@ -129,20 +139,44 @@ def improvement_interval(
 
 def difference_interval(a: np.ndarray, b: np.ndarray) -> Interval:
     """Mean of the paired differences a - b over runs (axis 0) with its 95 % interval."""
-    a, b = np.asarray(a, dtype=np.float64), np.asarray(b, dtype=np.float64)
+    a, b = _checked(a), _checked(b)
     if a.shape != b.shape:
         raise ValueError(f"paired runs must have equal shapes, got {a.shape} and {b.shape}")
     return mean_interval(a - b)
 
 
+def same_distribution_p(
+    a: np.ndarray, b: np.ndarray, rng: np.random.Generator, draws: int = 10_000
+) -> float:
+    """P value of the hypothesis that paired runs a (R,) and b (R,) could be exchanged.
+
+    Statistic: the Kolmogorov-Smirnov distance of the two samples, the largest difference between
+    their empirical distributions; its law under the hypothesis comes from exchanging the two runs
+    of random pairs, so runs of equal seeds may depend on each other. Source: Good (2005).
+    """
+    a, b = np.asarray(a, dtype=np.float64), np.asarray(b, dtype=np.float64)
+    if a.shape != b.shape or a.ndim != 1 or not len(a):
+        raise ValueError(f"needs pairs of runs, both (R,), got {a.shape} and {b.shape}")
+    pairs = np.stack([a, b], 1)
+    order = np.argsort(pairs, axis=None, kind="stable")
+    ends = np.append(np.diff(pairs.ravel()[order]) > 0, True)  # equal values make one step
+    signs = rng.choice((-1, 1), size=(draws, len(a)))
+    signs = np.concatenate([np.ones((1, len(a)), dtype=signs.dtype), signs])
+    steps = np.stack([signs, -signs], 2).reshape(len(signs), -1)[:, order]
+    distances = np.abs(np.where(ends, steps.cumsum(1), 0)).max(1)
+    return float((distances[1:] >= distances[0]).sum() + 1) / (draws + 1)
+
+
 def slope_interval(x: np.ndarray, y: np.ndarray) -> Interval:
     """Least-squares slope of y on x, both (R,), with its 95% Student interval.
 
-    Raises ValueError with fewer than 3 runs or when all x are equal.
+    Raises ValueError with fewer than 3 runs, values that are not finite, or when all x are equal.
     """
-    x, y = np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64)
+    x, y = _checked(x), _checked(y)
+    if x.shape != y.shape or x.ndim != 1:
+        raise ValueError(f"a slope needs x and y, both (R,), got {x.shape} and {y.shape}")
     if len(x) < 3 or np.ptp(x) == 0:
-        raise ValueError(f"a slope needs at least 3 runs at different places, got {x}")
+        raise ValueError(f"a slope needs at least 3 runs at different places, got {shown(x)}")
     centred = x - x.mean()
     spread = centred @ centred
     slope = centred @ y / spread

@@ -18,7 +18,10 @@ from typing import Any
 import numpy as np
 import torch
 
+from vtlib.checks import one_line
+
 Arrays = dict[str, np.ndarray]
+Note = dict[str, Any]  # plain JSON values
 
 
 class TornResult(RuntimeError):
@@ -26,11 +29,15 @@ class TornResult(RuntimeError):
 
 
 def results_folder() -> Path:
-    """Where the book's stored runs lie: book/results beside the package of a checkout."""
-    return Path(__file__).resolve().parent.parent / "book" / "results"
+    """Where the book's stored runs lie: book/results beside the package of a checkout.
+
+    The environment's VTLIB_RESULTS names another folder, for a book of runs computed anew.
+    """
+    here = Path(__file__).resolve().parent.parent / "book" / "results"
+    return Path(os.environ.get("VTLIB_RESULTS", here))
 
 
-def save(path: Path, arrays: Arrays, provenance: dict[str, Any]) -> None:
+def save(path: Path, arrays: Arrays, provenance: Note) -> None:
     """Write arrays to path.npz and provenance to path.json, atomically and only once.
 
     Writing equal arrays again does nothing. Raises FileExistsError when another result is there.
@@ -43,7 +50,8 @@ def save(path: Path, arrays: Arrays, provenance: dict[str, Any]) -> None:
         raise FileExistsError(f"{path} holds another result: move it away before computing anew")
     json.dumps(provenance)
     buffer = io.BytesIO()
-    np.savez_compressed(buffer, **arrays)
+    # NumPy's types know only the options among the names
+    np.savez_compressed(buffer, **arrays)  # type: ignore[arg-type]
     data = buffer.getvalue()
     note = {**provenance, "sha256": hashlib.sha256(data).hexdigest()}
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -52,7 +60,7 @@ def save(path: Path, arrays: Arrays, provenance: dict[str, Any]) -> None:
     _write(path.with_name(path.name + ".json"), text.encode())
 
 
-def load(path: Path) -> tuple[Arrays, dict[str, Any]]:
+def load(path: Path) -> tuple[Arrays, Note]:
     """Arrays and provenance of a stored result.
 
     Raises FileNotFoundError when there is none, TornResult when it is not what was written.
@@ -62,6 +70,8 @@ def load(path: Path) -> tuple[Arrays, dict[str, Any]]:
         raise FileNotFoundError(f"no stored result at {path}")
     try:
         provenance = json.loads(note.read_text())
+        if not (isinstance(provenance, dict) and isinstance(provenance.get("sha256"), str)):
+            raise TornResult(f"{note} is no provenance: it must be an object with a text sha256")
         data = npz.read_bytes()
         if hashlib.sha256(data).hexdigest() != provenance["sha256"]:
             raise TornResult(f"{npz} is not the file that was stored: its digest differs")
@@ -70,7 +80,13 @@ def load(path: Path) -> tuple[Arrays, dict[str, Any]]:
     except TornResult:
         raise
     except Exception as error:  # a damaged file fails in as many ways as its readers have
-        raise TornResult(f"{path} cannot be read: {error}") from error
+        raise TornResult(f"{path} cannot be read: {one_line(error)}") from error
+
+
+def provenance(path: Path) -> Note:
+    """The provenance of a stored result, whose arrays are not read."""
+    note: Note = json.loads(path.with_name(path.name + ".json").read_text())
+    return note
 
 
 def exists(path: Path) -> bool:

@@ -23,7 +23,7 @@ class Stream:
 
     A stream always yields the same kind and count ``n`` of numbers per draw, so its values depend
     neither on how many are drawn ahead nor on the runs beside it in the batch. Raises ValueError
-    when asked for another kind or count.
+    when asked for another kind or count. Its length is the number of its runs.
     """
 
     def __init__(self, experiment: str, runs: Sequence[int], role: str) -> None:
@@ -31,6 +31,9 @@ class Stream:
         self._kind: tuple[str, int] | None = None
         self._block = torch.empty(0)
         self._next = 0
+
+    def __len__(self) -> int:
+        return len(self._generators)
 
     def normal(self, n: int) -> Tensor:
         """Standard normal numbers, float32 of shape (R, n)."""
@@ -59,6 +62,13 @@ class Stream:
             self._block, self._next = torch.from_numpy(np.stack(draws, 1)), 0
         self._next += 1
         return self._block[self._next - 1]
+
+
+def check_runs(runs: int, *streams: Stream) -> None:
+    """Raise ValueError unless every stream has as many runs as there are weights for."""
+    for stream in streams:
+        if len(stream) != runs:
+            raise ValueError(f"there must be weights for each of {len(stream)} runs, got {runs}")
 
 
 def _numbers(rng: np.random.Generator, kind: str, shape: tuple[int, int]) -> np.ndarray:

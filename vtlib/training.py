@@ -10,6 +10,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from vtlib.envs.episodes import Returns
 from vtlib.replay import Transition
 
 FINGERPRINTS = (1, 49, 199)  # not at the end of an episode, where all runs look alike
@@ -32,6 +33,7 @@ class Stepper(Protocol):
 
     obs: Tensor
     fresh: Tensor
+    returns: Returns
 
     def step(self, action: Tensor) -> Transition:
         """Apply actions (R,)."""

@@ -7,12 +7,21 @@ is GVT (section 5.2.1), a mixture with one prior component per source is c-MGVT 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import ClassVar
 
 import torch
 from torch import Tensor
 
+from vtlib.checks import (
+    HUGE,
+    check_between,
+    check_kind,
+    check_one_of,
+    check_positive,
+    check_weights,
+    check_whole,
+)
 from vtlib.factor import CholeskyFactors
 from vtlib.factor_deferred import DeferredFactors
 from vtlib.factor_diagonal import DiagonalFactors
@@ -27,13 +36,16 @@ from vtlib.mellow import check_psi, td_cotangent
 from vtlib.mixture import pull_of_sources
 from vtlib.qfunctions import QFunction
 from vtlib.replay import ReplayBuffer, Transition
-from vtlib.streams import Stream
+from vtlib.streams import Stream, check_runs
 
 CLIP = 1000.0  # elementwise bound on every gradient
 PRIOR_JITTER = 1e-4  # added to the covariance of the Gaussian prior, so that it has an inverse
 CACHED = 1 << 20  # floats that may be in work at a time
 LARGE = 1000  # weights from which on it pays to put off most of the update of L
 SPAN_JITTER = 1e-8  # the same for a posterior that starts within the span of the sources
+
+Factors = CholeskyFactors | DeferredFactors | DiagonalFactors
+Cotangent = Callable[..., tuple[Tensor, Tensor]]  # as ``td_cotangent``
 
 
 @dataclass(frozen=True)
@@ -67,41 +79,44 @@ class Settings:
     init: str = "sources"
     act: str = "step"
     covariance: str = "full"
-    patience: ClassVar[int] = 0
+    patience = 0  # without an annotation it is no field: only `PatientSettings` store it
 
     def __post_init__(self) -> None:
         check_psi(self.psi)
-        if not (math.isfinite(self.lambda_) and self.lambda_ >= 0):
-            raise ValueError(f"lambda_ must be finite and at least 0, got {self.lambda_}")
-        if not 0 <= self.gamma < 1:
-            raise ValueError(f"gamma must lie in [0, 1), got {self.gamma}")
+        check_between("lambda_", self.lambda_, 0, HUGE)
+        check_between("gamma", self.gamma, 0, 1, below=True)
         for name in ("components", "batch", "buffer", "weights"):
-            value = getattr(self, name)
-            if not (isinstance(value, int) and value >= 1):
-                raise ValueError(f"{name} must be a whole number of at least 1, got {value}")
+            check_whole(name, getattr(self, name))
         for name in ("kappa", "alpha_mu", "alpha_L", "sigma_p2", "sigma_min"):
-            value = getattr(self, name)
-            if not (math.isfinite(value) and value > 0):
-                raise ValueError(f"{name} must be finite and positive, got {value}")
-        for name, allowed in (
-            ("family", ("gaussian", "mixture")),
-            ("init", ("sources", "span" if self.family == "gaussian" else "mean")),
-            ("act", ("step", "episode")),
-            ("covariance", ("full", "diagonal")),
-        ):
-            if getattr(self, name) not in allowed:
-                raise ValueError(f"{name} must be one of {allowed}, got {getattr(self, name)!r}")
+            check_positive(name, getattr(self, name))
+        check_one_of("family", self.family, ("gaussian", "mixture"))
+        other = "span" if self.family == "gaussian" else "mean"
+        check_one_of("init", self.init, ("sources", other))
+        check_one_of("act", self.act, ("step", "episode"))
+        check_one_of("covariance", self.covariance, ("full", "diagonal"))
         if self.family == "gaussian" and self.components != 1:
-            raise ValueError(f"a gaussian posterior has 1 component, got {self.components}")
+            raise ValueError(
+                f"components must be 1: a gaussian posterior has 1 component, got {self.components}"
+            )
         if self.covariance == "diagonal" and self.init == "span":
-            raise ValueError("a diagonal posterior cannot start within the span of the sources")
+            raise ValueError(
+                "init must be 'sources', got 'span': a diagonal posterior cannot start within the "
+                "span of the sources"
+            )
 
 
 @dataclass(frozen=True)
 class PatientSettings(Settings):
-    """Settings of an agent that only acts and remembers for the first ``patience`` iterations."""
+    """Settings of an agent that only acts and remembers for the first ``patience`` iterations.
+
+    Raises ValueError for a value outside its range.
+    """
 
     patience: int = 500
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_whole("patience", self.patience, 0)
 
 
 class VariationalTransfer:
@@ -109,9 +124,11 @@ class VariationalTransfer:
 
     sources: (R, S, d), the S source weights of each run. noise, component and replay are the
     streams of posterior samples, of the acting component and of mini-batches. ``mu`` (R, C, d) are
-    the posterior's means. Raises ValueError when sources are missing, not finite or not of the
-    Q-function's shape.
+    the posterior's means. Raises ValueError when sources are missing, not finite, not float32 or
+    not of the Q-function's shape.
     """
+
+    _clip = CLIP
 
     def __init__(
         self,
@@ -123,15 +140,16 @@ class VariationalTransfer:
         component: Stream,
         replay: Stream,
     ) -> None:
+        check_kind("settings", settings, Settings)
         check_sources(sources, q.d)
+        check_runs(len(sources), noise, component, replay)
+        sources = sources.detach()
         self._q, self._settings, self._sources = q, settings, sources
         self._noise, self._component, self._replay = noise, component, replay
-        posterior, precision = initial_posterior(sources, settings)
+        posterior, self._precision = self._start()
         self.mu = posterior.mu
-        self._prior_mean, self._precision = sources.mean(1, keepdim=True), precision
-        self._factors = _factors_of(settings, q.d)(
-            posterior.L.flatten(0, 1), precision, settings.alpha_L, settings.sigma_min, CLIP
-        )
+        self._prior_mean = sources.mean(1, keepdim=True)
+        self._factors = self._factors_from(posterior.L.flatten(0, 1))
         self._adam = torch.optim.Adam([self.mu], lr=settings.alpha_mu, fused=True)
         self._buffer = ReplayBuffer(len(sources), settings.buffer, obs_dim)
         self._steps = 0
@@ -141,7 +159,8 @@ class VariationalTransfer:
     @property
     def L(self) -> Tensor:
         """The posterior's Cholesky factors, (R, C, d, d)."""
-        return self._factors.L.unflatten(0, self.mu.shape[:2])
+        factors: Tensor = self._factors.L.unflatten(0, self.mu.shape[:2])
+        return factors
 
     def act(self, obs: Tensor, fresh: Tensor) -> Tensor:
         """Greedy actions (R,) of one posterior sample; fresh (R,) marks first steps of episodes."""
@@ -171,14 +190,26 @@ class VariationalTransfer:
         runs, components, d = self.mu.shape
         weights = self._samples[:, :, 1:].reshape(runs, components * s.weights, d)
         # the posterior's expectation is a mean over components and over their samples
-        gradients = td_gradients(self._q, weights, batch, s.psi, s.gamma, s.kappa)
+        gradients = self._td_gradients(weights, batch)
         gradients = gradients.div_(components * s.weights).view(runs, components, s.weights, d)
         step = gradients.sum(2).add_(self._kl_gradient(), alpha=kl_weight)
-        self.mu.grad = step.clamp_(-CLIP, CLIP)
+        self.mu.grad = step.clamp_(-self._clip, self._clip)
         self._adam.step()
         self._factors.step(
             gradients.flatten(0, 1), self._z[:, 1:], kl_weight=kl_weight / components
         )
+
+    def _start(self) -> tuple[Gaussian, Precision]:
+        return initial_posterior(self._sources, self._settings)
+
+    def _factors_from(self, L: Tensor) -> Factors:
+        s = self._settings
+        kind = _factors_of(s, self._q.d)
+        return kind(L, self._precision, s.alpha_L, s.sigma_min, self._clip)
+
+    def _td_gradients(self, weights: Tensor, batch: Transition) -> Tensor:
+        s = self._settings
+        return td_gradients(self._q, weights, batch, s.psi, s.gamma, s.kappa)
 
     def _kl_gradient(self) -> Tensor:
         if self._settings.family == "mixture":
@@ -209,41 +240,54 @@ class VariationalTransfer:
         return draws.gather(1, index.unsqueeze(-1).expand(-1, -1, d))
 
 
-def _factors_of(
-    settings: Settings, d: int
-) -> type[CholeskyFactors | DeferredFactors | DiagonalFactors]:
+def _factors_of(settings: Settings, d: int) -> type[Factors]:
     if settings.covariance == "diagonal":
         return DiagonalFactors
     return DeferredFactors if d >= LARGE else CholeskyFactors
 
 
 def td_gradients(
-    q: QFunction, weights: Tensor, batch: Transition, psi: float, gamma: float, kappa: float
+    q: QFunction,
+    weights: Tensor,
+    batch: Transition,
+    psi: float,
+    gamma: float,
+    kappa: float,
+    cotangent: Cotangent | None = None,
 ) -> Tensor:
-    """Gradients (R, K, d) of the mean squared TD error at weights (R, K, d), eq. 5.4."""
+    """Gradients (R, K, d) of the mean squared TD error at weights (R, K, d), eq. 5.4.
+
+    cotangent: gives its derivatives with respect to the Q-values; ``td_cotangent`` if not named.
+    """
     runs, k, _ = weights.shape
     size = 2 * batch.obs.shape[1] * q.width  # of what one weight vector passes on
     rows = min(runs, max(1, CACHED // (k * size)))
     columns = math.ceil(k / math.ceil(k * size / CACHED)) if rows == 1 else k
     if (rows, columns) == (runs, k):
-        return _td_gradients(q, weights, batch, psi, gamma, kappa)
+        return _td_gradients(q, weights, batch, psi, gamma, kappa, cotangent)
     # some at a time: what networks pass on for all weights would not fit into the cache
     gradients = torch.empty_like(weights)
     for at in range(0, runs, rows):
         few = Transition(*(x[at : at + rows] for x in batch))
         for start in range(0, k, columns):
             part = slice(at, at + rows), slice(start, start + columns)
-            gradients[part] = _td_gradients(q, weights[part], few, psi, gamma, kappa)
+            gradients[part] = _td_gradients(q, weights[part], few, psi, gamma, kappa, cotangent)
     return gradients
 
 
 def _td_gradients(
-    q: QFunction, weights: Tensor, batch: Transition, psi: float, gamma: float, kappa: float
+    q: QFunction,
+    weights: Tensor,
+    batch: Transition,
+    psi: float,
+    gamma: float,
+    kappa: float,
+    cotangent: Cotangent | None,
 ) -> Tensor:
     size = batch.obs.shape[1]
     x = q.prepare(torch.cat([batch.obs, batch.next_obs], 1))
     values, pullback = q.vjp(weights, x)
-    cotangents = td_cotangent(
+    cotangents = (cotangent or td_cotangent)(
         values[..., :size],
         values[..., size:],
         batch.action.unsqueeze(1),
@@ -256,22 +300,38 @@ def _td_gradients(
     return pullback(torch.cat(cotangents, -1))
 
 
-def initial_posterior(sources: Tensor, settings: Settings) -> tuple[Gaussian, Precision]:
+def initial_posterior(
+    sources: Tensor, settings: Settings, prior_jitter: float = PRIOR_JITTER
+) -> tuple[Gaussian, Precision]:
     """The posterior's start, mu (R, C, d) and L (R, C, d, d), and the prior's precision.
 
     The minimiser of the KL is the prior itself for a Gaussian (eqs. 5.5 and 5.6), or, without
     correlations, the Gaussian of its mean and the diagonal of its precision; and C different
-    sources with the prior's variance for a mixture (eq. 5.13).
+    sources with the prior's variance for a mixture (eq. 5.13). Raises ValueError unless
+    sources are finite, float32 or float64, of shape (R, S, d), and no farther apart than a Gaussian
+    prior's covariance can tell.
     """
+    check_kind("sources", sources, Tensor)
+    kinds = ("float32", "float64")
+    check_weights("sources", sources, "run", "source", "weight", kinds=kinds)
     runs, count, d = sources.shape
     if settings.family == "gaussian":
         mu, spread = sources_mean_and_spread(sources)
-        precision = low_rank_precision(spread, PRIOR_JITTER)
-        if settings.covariance == "diagonal":
-            factor = torch.diag_embed(precision.diagonal(d).rsqrt())
-        else:
-            jitter = SPAN_JITTER if settings.init == "span" else PRIOR_JITTER
-            factor = covariance_factor(spread, jitter)
+        try:
+            precision = low_rank_precision(spread, prior_jitter)
+            if settings.covariance == "diagonal":
+                factor = torch.diag_embed(precision.diagonal(d).rsqrt())
+            else:
+                jitter = SPAN_JITTER if settings.init == "span" else prior_jitter
+                factor = covariance_factor(spread, jitter)
+        except torch.linalg.LinAlgError:  # type: ignore[attr-defined]  # documented, not typed
+            factor = torch.tensor(math.nan)
+        if not torch.isfinite(factor).all():
+            apart = float((sources - mu.unsqueeze(1)).abs().amax())
+            raise ValueError(
+                "sources must lie closer to their mean for a gaussian posterior, whose covariance "
+                f"rounding spoils, got weights that are {apart:g} away"
+            )
         return Gaussian(mu.unsqueeze(1).contiguous(), factor.unsqueeze(1)), precision
     components = settings.components
     if settings.init == "sources":
@@ -283,12 +343,6 @@ def initial_posterior(sources: Tensor, settings: Settings) -> tuple[Gaussian, Pr
 
 
 def check_sources(sources: Tensor, d: int) -> None:
-    """Raise ValueError unless sources are finite weights (R, S, d) with S >= 1."""
-    if sources.ndim != 3 or sources.shape[2] != d or 0 in sources.shape:
-        raise ValueError(
-            f"sources must have shape (runs, at least 1 source, {d}), got {tuple(sources.shape)}"
-        )
-    if sources.dtype != torch.float32:
-        raise ValueError(f"sources must be float32, got {sources.dtype}")
-    if not torch.isfinite(sources).all():
-        raise ValueError("sources must be finite, got NaN or infinity")
+    """Raise ValueError unless sources are a float32 tensor of finite weights (R, S, d), S >= 1."""
+    check_kind("sources", sources, Tensor)
+    check_weights("sources", sources, "run", "source", d)

@@ -14,7 +14,8 @@ NEAR_DOOR = 2.0  # a visit within this distance of the door's centre is a visit 
 def arrivals(visited: np.ndarray) -> np.ndarray:
     """How often each run (R,) arrived at the goal, from visited positions (R, T, 2)."""
     offset = visited - np.array(GOAL, dtype=visited.dtype)
-    return (np.square(offset).sum(-1) <= GOAL_RADIUS**2).sum(1)
+    counts: np.ndarray = (np.square(offset).sum(-1) <= GOAL_RADIUS**2).sum(1)
+    return counts
 
 
 def share_at_door(visited: np.ndarray, door: float) -> np.ndarray:
@@ -22,7 +23,8 @@ def share_at_door(visited: np.ndarray, door: float) -> np.ndarray:
     below = visited[..., 1] < WALL
     offset = visited - np.array([door, WALL], dtype=visited.dtype)
     near = np.square(offset).sum(-1) <= NEAR_DOOR**2
-    return (near & below).sum(1) / np.maximum(below.sum(1), 1)
+    share: np.ndarray = (near & below).sum(1) / np.maximum(below.sum(1), 1)
+    return share
 
 
 def uniform_share_at_door() -> float:
@@ -42,7 +44,8 @@ def cell_counts(visited: np.ndarray) -> np.ndarray:
 
 def cells_visited(visited: np.ndarray) -> np.ndarray:
     """How many (R,) of the lower room's 50 unit cells were visited at least once."""
-    return (cell_counts(visited) > 0).sum((1, 2))
+    cells: np.ndarray = (cell_counts(visited) > 0).sum((1, 2))
+    return cells
 
 
 def effective_cells(visited: np.ndarray) -> np.ndarray:
@@ -53,4 +56,5 @@ def effective_cells(visited: np.ndarray) -> np.ndarray:
     counts = cell_counts(visited).reshape(len(visited), -1)
     share = counts / np.maximum(counts.sum(1, keepdims=True), 1)
     logarithm = np.log(share, out=np.zeros_like(share), where=share > 0)
-    return np.exp(-(share * logarithm).sum(1))
+    cells: np.ndarray = np.exp(-(share * logarithm).sum(1))
+    return cells

@@ -37,9 +37,13 @@ def parameter_axes(
 ) -> list[Axis]:
     """Sliders over the stored grid around the thesis' setting, which they start at.
 
-    lambdas, psis, components: those of the grid; lambdas are ``slider_lambdas`` by default.
+    lambdas, psis, components: those of the grid; lambdas are ``slider_lambdas`` by default. Raises
+    ValueError when the setting is not on the grid.
     """
     lambdas = lambdas or slider_lambdas(base)
+    for name, grid in (("lambda_", lambdas), ("psi", psis)):
+        if getattr(base, name) not in grid:
+            raise ValueError(f"{name} must be one of {tuple(grid)}, got {getattr(base, name)}")
     return [
         Axis(
             r"\(\lambda\)",
@@ -157,18 +161,18 @@ class LivePanel:
     @property
     def message(self) -> str:
         """What the panel says of the last training."""
-        return self._says.value
+        return str(self._says.value)
 
     def _train(self) -> None:
         lambda_, psi, components = (slider.value for slider in self._axes)
-        settings = replace(self._base, lambda_=lambda_, psi=psi, components=int(components))
-        live = replace(
-            self._experiment,
-            algorithms={"live": settings},
-            counts={"live": self._sources.value},
-            iterations=self._iterations.value,
-        )
         try:
+            settings = replace(self._base, lambda_=lambda_, psi=psi, components=int(components))
+            live = replace(
+                self._experiment,
+                algorithms={"live": settings},
+                counts={"live": self._sources.value},
+                iterations=self._iterations.value,
+            )
             curves = run_batch(live, "live", range(self._runs.value), self._weights, self._progress)
             label = f"{settings.components}-MGVT, just now"
             self._draw(

@@ -2,7 +2,8 @@
 
 ``python book/_ext/build.py`` keeps what is up to date. ``--fresh`` renders every page anew (outputs
 of unchanged pages still come from the execution cache), which is what a test has to do: a second
-incremental build says nothing about pages that failed in the first.
+incremental build says nothing about pages that failed in the first. ``--results FOLDER`` draws the
+book from runs computed anew, into ``FOLDER/_build/html``.
 """
 
 from __future__ import annotations
@@ -18,8 +19,6 @@ from pathlib import Path
 from fetch_assets import AssetsUnavailable, fetch
 
 ROOT = Path(__file__).resolve().parents[2]
-BUILD = ROOT / "_build"
-HTML = BUILD / "html"
 
 
 def report_assets() -> bool:
@@ -38,22 +37,26 @@ def report_assets() -> bool:
     return True
 
 
-def build(fresh: bool) -> int:
+def build(fresh: bool, results: Path | None) -> int:
     """Run Jupyter Book over the root; returns its exit status, non-zero on any warning."""
     report_assets()
-    if fresh or (BUILD / "failed").exists():
-        for folder in (HTML, BUILD / ".doctrees"):
-            shutil.rmtree(folder, ignore_errors=True)
-    BUILD.mkdir(exist_ok=True)
-    (BUILD / "failed").touch()
+    folder = (results or ROOT) / "_build"
+    if fresh or (folder / "failed").exists():
+        for part in ("html", ".doctrees"):
+            shutil.rmtree(folder / part, ignore_errors=True)
+    folder.mkdir(exist_ok=True)
+    (folder / "failed").touch()
     print("--> Pages", flush=True)
     tool = Path(sys.executable).with_name("jupyter-book")
     command = [str(tool), "build", ".", "-W", "-n", "--keep-going"]
     # one thread: small tensors gain nothing by more, and lose much where cores are busy
     environment = os.environ | {"NO_COLOR": "1", "PYTHONUNBUFFERED": "1", "OMP_NUM_THREADS": "1"}
+    if results:
+        command += ["--path-output", str(results)]
+        environment["VTLIB_RESULTS"] = str(results)
     status = subprocess.run(command, cwd=ROOT, env=environment, check=False).returncode
     if status == 0:
-        (BUILD / "failed").unlink()
+        (folder / "failed").unlink()
     return status
 
 
@@ -61,15 +64,18 @@ def main() -> int:
     """Command line."""
     parser = argparse.ArgumentParser(description="Build the book into _build/html.")
     parser.add_argument("--fresh", action="store_true", help="render every page anew")
+    parser.add_argument("--results", type=Path, help="other stored runs than book/results")
     arguments = parser.parse_args()
+    results = arguments.results and arguments.results.resolve()
+    html = (results or ROOT) / "_build" / "html"
     begin = time.monotonic()
-    status = build(arguments.fresh)
+    status = build(arguments.fresh, results)
     if status:
         print("The book has warnings or failing pages, listed above; tracebacks of cells are under")
-        print(f"{HTML / 'reports'}.")
+        print(f"{html / 'reports'}.")
     else:
         seconds = time.monotonic() - begin
-        print(f"==> Built in {seconds:.0f} s. Open {HTML / 'index.html'} in a browser.")
+        print(f"==> Built in {seconds:.0f} s. Open {html / 'index.html'} in a browser.")
     return status
 
 

@@ -7,6 +7,7 @@ a hash of everything else a page reads: the library, the pinned versions and the
 from __future__ import annotations
 
 import hashlib
+import os
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -18,8 +19,9 @@ IGNORED = {"__pycache__", ".ipynb_checkpoints"}
 def dependencies(root: Path) -> Iterator[Path]:
     """Files that decide a page's outputs beside its own cells, in a fixed order."""
     yield root / "requirements.txt"
-    for folder, pattern in (("vtlib", "*.py"), ("book/results", "*")):
-        for path in sorted((root / folder).rglob(pattern)):
+    results = Path(os.environ.get("VTLIB_RESULTS", root / "book" / "results"))
+    for folder, pattern in ((root / "vtlib", "*.py"), (results, "*")):
+        for path in sorted(folder.rglob(pattern)):
             if path.is_file() and not IGNORED.intersection(path.parts):
                 yield path
 
@@ -29,7 +31,8 @@ def cache_key(root: Path = ROOT) -> str:
     digest = hashlib.sha256()
     for path in dependencies(root):
         content = path.read_bytes() if path.exists() else b""
-        digest.update(f"{path.relative_to(root).as_posix()}\0{len(content)}\0".encode())
+        name = path.relative_to(root) if path.is_relative_to(root) else path
+        digest.update(f"{name.as_posix()}\0{len(content)}\0".encode())
         digest.update(content)
     return digest.hexdigest()[:16]
 

@@ -288,11 +288,11 @@ def test_bad_shapes_of_a_step() -> None:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"rooms": 4}, "rooms must be 2 or 3, got 4"),
+        ({"rooms": 4}, "rooms must be a whole number from 2 to 3, got 4"),
         ({"fixed_lower": 0.0}, "fixed_lower must lie in"),
         ({"fixed_lower": float("nan")}, "fixed_lower must lie in"),
-        ({"normal": (5.0, 0.0)}, "normal must be"),
-        ({"normal": (float("nan"), 1.0)}, "normal must be"),
+        ({"normal": (5.0, 0.0)}, "deviation in normal must be positive"),
+        ({"normal": (float("nan"), 1.0)}, "mean in normal must lie in"),
     ],
 )
 def test_bad_families(arguments: dict[str, object], message: str) -> None:
@@ -301,7 +301,7 @@ def test_bad_families(arguments: dict[str, object], message: str) -> None:
 
 
 def test_a_family_draws_at_least_one_task() -> None:
-    with pytest.raises(ValueError, match="count must be at least 1, got 0"):
+    with pytest.raises(ValueError, match=r"count must be a whole number from 1 .*, got 0"):
         RoomsFamily().sample(np.random.default_rng(0), 0)
 
 

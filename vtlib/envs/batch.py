@@ -12,15 +12,32 @@ import torch
 from numpy.typing import ArrayLike
 from torch import Tensor
 
+from vtlib.checks import check_kind, check_whole, shown
+
 
 def checked_rows(index: Tensor | np.ndarray | Sequence[int], count: int) -> Tensor:
     """Integers that index a batch of `count` tasks, as a tensor; ValueError for anything else."""
-    rows = torch.as_tensor(index)
+    try:
+        rows = torch.as_tensor(index)
+    except (TypeError, ValueError, RuntimeError, OverflowError):
+        raise ValueError(f"index must be a list of integers, got {shown(index)}") from None
     if rows.ndim != 1 or rows.dtype.is_floating_point or rows.dtype == torch.bool:
-        raise ValueError(f"index must be a list of integers, got {index!r}")
+        raise ValueError(f"index must be a list of integers, got {shown(index)}")
     if len(rows) and not -count <= int(rows.min()) <= int(rows.max()) < count:
-        raise ValueError(f"index must lie in 0..{count - 1}, got {index!r}")
+        raise ValueError(f"index must lie in 0..{count - 1}, got {shown(index)}")
     return rows
+
+
+def float_array(name: str, value: ArrayLike) -> np.ndarray:
+    """A number, or numbers in nested lists of one shape, as float32; ValueError for others."""
+    try:
+        array = np.asarray(value)
+    except ValueError:  # rows of different lengths
+        array = np.asarray(None)
+    if array.dtype.kind not in "iuf":
+        raise ValueError(f"{name} must be a number or an array of numbers, got {shown(value)}")
+    with np.errstate(over="ignore"):  # what becomes infinite is refused by those that ask
+        return array.astype(np.float32)
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,6 +52,8 @@ class ParameterBatch:
 
     def __post_init__(self) -> None:
         parameters = self.parameters()
+        for name, value in parameters.items():
+            check_kind(name, value, Tensor)
         shapes = {name: tuple(value.shape) for name, value in parameters.items()}
         if len(set(shapes.values())) != 1 or any(len(shape) != 1 for shape in shapes.values()):
             raise ValueError(f"parameters must be vectors of one length, got shapes {shapes}")
@@ -51,7 +70,7 @@ class ParameterBatch:
         """`count` tasks, each parameter a number for all or a vector (count,); else ValueError."""
         vectors = {}
         for name, value in parameters.items():
-            array = np.asarray(value, np.float32)
+            array = float_array(name, value)
             if array.shape not in ((), (count,)):
                 raise ValueError(
                     f"{name} must be a number or have shape ({count},), got shape {array.shape}"
@@ -62,8 +81,7 @@ class ParameterBatch:
     @classmethod
     def uniform(cls, rng: np.random.Generator, count: int, **ranges: tuple[float, float]) -> Self:
         """Draw `count` tasks, each parameter uniform in its range.  ValueError when count < 1."""
-        if count < 1:
-            raise ValueError(f"count must be at least 1, got {count}")
+        check_whole("count", count)
         return cls.of(count, **{name: rng.uniform(*ends, count) for name, ends in ranges.items()})
 
     @classmethod

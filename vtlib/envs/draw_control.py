@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -64,13 +66,14 @@ def draw_mountain_car(
     x = np.linspace(POSITIONS[0] - 0.1, POSITIONS[1] + 0.1, 400)
     ax.fill_between(x, _height(x), -1.4 * HILL, color=GROUND, lw=0, zorder=0)
     ax.plot(x, _height(x), color=GREY, lw=1.5, zorder=1)
-    foot, top = _height(GOAL), _height(GOAL) + 0.26
+    foot = float(_height(GOAL))
+    top = foot + 0.26
     ax.plot([GOAL, GOAL], [foot, top], color=INK, lw=1.5, zorder=1)
     flag = [(GOAL, top), (GOAL, top - 0.1), (GOAL - 0.13, top - 0.05)]
     ax.add_patch(Polygon(flag, color=FLAG, lw=0))
     # Turned about the point where it stands, to the slope of the hill.
     slope = math.atan(3 * HILL * math.cos(3 * position))
-    place = Affine2D().rotate(slope).translate(position, _height(position))
+    place = Affine2D().rotate(slope).translate(position, float(_height(position)))
     _car(ax, place + ax.transData)
     if labels:
         _label_mountain_car(ax, place, slope, float(tasks.speed[index]))
@@ -102,13 +105,14 @@ def _label_cartpole(ax: Axes, pivot: np.ndarray, angle: float, length: float) ->
     along, across = _direction(angle), side * _direction(angle + math.pi / 2)
     centre = pivot + length / 2 * along
     ax.plot(*centre, "o", color=INK, markersize=4, zorder=4)
-    cart = pivot - 0.42 * CART_HEIGHT * _direction(0.0)
-    ax.text(*cart, r"$m_\mathrm{cart}$", color="white", ha="center", va="center", fontsize=FONT)
+    x, y = pivot - 0.42 * CART_HEIGHT * _direction(0.0)
+    ax.text(x, y, r"$m_\mathrm{cart}$", color="white", ha="center", va="center", fontsize=FONT)
     _arrow(ax, pivot + 0.13 * across, centre + 0.13 * across, INK, "<|-|>", 1.0)
-    align = {"ha": "left" if side > 0 else "right", "va": "center", "fontsize": FONT}
-    ax.text(*(pivot + length / 4 * along + 0.2 * across), r"$l_\mathrm{pole}$", **align)
+    align: dict[str, Any] = {"ha": "left" if side > 0 else "right", "va": "center"}
+    x, y = pivot + length / 4 * along + 0.2 * across
+    ax.text(x, y, r"$l_\mathrm{pole}$", fontsize=FONT, **align)
     x, y = centre + 0.4 * across + 0.22 * _direction(0.0)
-    ax.text(x + 0.04 * side, y, r"$m_\mathrm{pole}$", **align)
+    ax.text(x + 0.04 * side, y, r"$m_\mathrm{pole}$", fontsize=FONT, **align)
     _arrow(ax, (x, y), centre + 0.05 * across, INK, "-|>", 1.0)
     _forces(ax, pivot[0])
     if abs(angle) > 0.02:
@@ -132,9 +136,10 @@ def _angle(ax: Axes, pivot: np.ndarray, angle: float, length: float) -> None:
     ax.plot(*upright, color=GREY, lw=1, ls=(0, (4, 3)), zorder=1)
     # An Arc's angles count from the right, and it is drawn from the first to the second.
     first, second = sorted((90.0, 90.0 - math.degrees(angle)))
-    ax.add_patch(Arc(pivot, 2 * radius, 2 * radius, theta1=first, theta2=second, color=INK))
-    at = pivot + (radius + 0.03) * _direction(angle / 2)
-    ax.text(*at, r"$\theta$", ha="center", va="bottom", fontsize=FONT)
+    centre = (pivot[0], pivot[1])
+    ax.add_patch(Arc(centre, 2 * radius, 2 * radius, theta1=first, theta2=second, color=INK))
+    x, y = pivot + (radius + 0.03) * _direction(angle / 2)
+    ax.text(x, y, r"$\theta$", ha="center", va="bottom", fontsize=FONT)
 
 
 def _car(ax: Axes, transform: Transform) -> None:
@@ -153,18 +158,22 @@ def _car(ax: Axes, transform: Transform) -> None:
 def _label_mountain_car(ax: Axes, place: Affine2D, slope: float, speed: float) -> None:
     """The velocity of either action; above the car, for the ground would cut arrows beside it."""
     height, gap, length = 0.26, 0.03, ARROW_PER_SPEED * speed
-    turned = {"rotation": math.degrees(slope), "rotation_mode": "anchor"}
+    turned: dict[str, Any] = {"rotation": math.degrees(slope), "rotation_mode": "anchor"}
     for side, action in ((-1, "left"), (1, "right")):
         ends = [(side * gap, height), (side * (gap + length), height)]
-        _arrow(ax, *place.transform(ends), ARROW, "-|>", 2.0)
+        start, end = place.transform(ends)
+        _arrow(ax, start, end, ARROW, "-|>", 2.0)
         middle = side * (gap + length / 2)
         above, below = place.transform([(middle, height + 0.07), (middle, height - 0.03)])
-        ax.text(*above, "$v$", color=ARROW, ha="center", va="center", fontsize=FONT)
-        ax.text(*below, action, ha="center", va="top", fontsize=FONT - 2, **turned)
+        x, y = above
+        ax.text(x, y, "$v$", color=ARROW, ha="center", va="center", fontsize=FONT)
+        x, y = below
+        ax.text(x, y, action, ha="center", va="top", fontsize=FONT - 2, **turned)
 
 
 def _height(position: float | np.ndarray) -> np.ndarray:
-    return HILL * np.sin(3 * np.asarray(position))
+    sine: np.ndarray = np.sin(3 * np.asarray(position))
+    return HILL * sine
 
 
 def _direction(angle: float) -> np.ndarray:
@@ -173,11 +182,12 @@ def _direction(angle: float) -> np.ndarray:
 
 
 def _arrow(
-    ax: Axes, start: ArrayLike, end: ArrayLike, color: str, style: str, width: float
+    ax: Axes, start: Iterable[float], end: Iterable[float], color: str, style: str, width: float
 ) -> None:
     properties = {"arrowstyle": style, "color": color, "lw": width, "shrinkA": 0, "shrinkB": 0}
     properties["mutation_scale"] = 8 + 3 * width  # size of the head in points
-    ax.annotate("", end, start, arrowprops=properties)
+    (x, y), (end_x, end_y) = start, end
+    ax.annotate("", (end_x, end_y), (x, y), arrowprops=properties)
 
 
 def _bare(ax: Axes, xlim: tuple[float, float], ylim: tuple[float, float]) -> None:

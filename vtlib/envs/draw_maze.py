@@ -32,9 +32,10 @@ def draw_maze(
     With `rays` its sensors' rays are shown as far as they see, green where they meet the goal and
     ending in a dot where they meet a wall.  `path` (T, 2 or 3) is a line of positions, or states.
     """
-    ax.add_patch(Rectangle(tasks.goal[index].tolist(), 1, 1, color=FLAG, lw=0))
+    x, y = tasks.goal[index].tolist()
+    ax.add_patch(Rectangle((x, y), 1, 1, color=FLAG, lw=0))
     cells = np.argwhere(tasks.walls[index].numpy())
-    blocks = [Rectangle(cell, 1, 1) for cell in cells.tolist()]
+    blocks = [Rectangle((x, y), 1, 1) for x, y in cells.tolist()]
     # Outlined, for the eye sees seams between blocks that only touch.
     ax.add_collection(PatchCollection(blocks, facecolor=WALL, edgecolor=WALL, lw=1))
     if path is not None:

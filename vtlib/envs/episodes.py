@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Protocol
+from typing import ClassVar, Protocol
 
 import gymnasium
 import numpy as np
 import torch
 from torch import Tensor
 
+from vtlib.checks import check_kind
 from vtlib.replay import Transition
 from vtlib.streams import Stream
 
@@ -17,12 +18,12 @@ from vtlib.streams import Stream
 class Tasks(Protocol):
     """A batch of R tasks with the dynamics as pure functions of state, action and noise."""
 
-    n_actions: int
-    obs_dim: int
-    noise_dim: int
-    start_dim: int
-    horizon: int
-    gamma: float
+    n_actions: ClassVar[int]
+    obs_dim: ClassVar[int]
+    noise_dim: ClassVar[int]
+    start_dim: ClassVar[int]
+    horizon: ClassVar[int]
+    gamma: ClassVar[float]
 
     def __len__(self) -> int: ...
 
@@ -35,7 +36,7 @@ class Tasks(Protocol):
     def observe(self, state: Tensor) -> Tensor:
         """Observations (R, obs_dim)."""
 
-    def select(self, index: Tensor) -> Tasks:
+    def select(self, index: Tensor | np.ndarray | Sequence[int]) -> Tasks:
         """The tasks of that index, repetitions allowed."""
 
 
@@ -147,23 +148,26 @@ class GymEpisodes:
         gamma: float = 0.99,
         window: int = 50,
     ) -> None:
-        for env in envs:
-            _check_spaces(env)
+        if not envs:
+            raise ValueError("there must be at least one environment")
+        checked = [_checked_spaces(env) for env in envs]
         self._envs = list(envs)
-        spaces = {(env.observation_space.shape, int(env.action_space.n)) for env in envs}
+        self._first_actions = [int(discrete.start) for _, discrete in checked]
+        spaces = {(box.shape, int(discrete.n)) for box, discrete in checked}
         if len(spaces) != 1:
             raise ValueError(f"environments must have the same spaces, got {sorted(spaces)}")
         first = [env.reset(seed=int(s))[0] for env, s in zip(envs, seeds, strict=True)]
         self.obs = _stack(first)
-        self.obs_dim, self.n_actions = self.obs.shape[1], int(envs[0].action_space.n)
+        self.obs_dim, self.n_actions = self.obs.shape[1], int(checked[0][1].n)
         self.returns = Returns(len(envs), gamma, window)
         self.fresh = torch.ones(len(envs), dtype=torch.bool)
 
     def step(self, action: Tensor) -> Transition:
         """Apply actions (R,) and return the transitions; runs whose episode ended start anew."""
         after, current, reward, terminal, done = [], [], [], [], []
-        for env, a in zip(self._envs, action.tolist(), strict=True):
-            obs, r, terminated, truncated, _ = env.step(a + int(env.action_space.start))
+        actions = zip(self._envs, self._first_actions, action.tolist(), strict=True)
+        for env, first, a in actions:
+            obs, r, terminated, truncated, _ = env.step(a + first)
             # copied: an environment may hand out one array again and again
             after.append(np.array(obs, np.float32))
             reward.append(float(r))
@@ -178,12 +182,14 @@ class GymEpisodes:
         return transition
 
 
-def _check_spaces(env: gymnasium.Env) -> None:
+def _checked_spaces(env: gymnasium.Env) -> tuple[gymnasium.spaces.Box, gymnasium.spaces.Discrete]:
+    check_kind("each environment", env, gymnasium.Env)
     box, discrete = env.observation_space, env.action_space
     if not (isinstance(box, gymnasium.spaces.Box) and len(box.shape) == 1):
         raise ValueError(f"needs a one-dimensional Box observation space, got {box}")
     if not isinstance(discrete, gymnasium.spaces.Discrete):
         raise ValueError(f"needs a Discrete action space, got {discrete}")
+    return box, discrete
 
 
 def _stack(observations: Sequence[np.ndarray]) -> Tensor:

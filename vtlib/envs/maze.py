@@ -12,6 +12,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from vtlib.checks import check_kind, check_one_of, check_whole, shown
 from vtlib.envs.batch import checked_rows
 from vtlib.envs.maze_geometry import CLEARANCE, SIDE, Ground, advance, directions, look
 from vtlib.envs.mazes import Maze, library, named
@@ -49,6 +50,8 @@ class Mazes:
     gamma: ClassVar[float] = 0.99
 
     def __post_init__(self) -> None:
+        check_kind("walls", self.walls, Tensor)
+        check_kind("goal", self.goal, Tensor)
         _check_types(self.walls, self.goal)
         _check_goals(self.walls, self.goal)
 
@@ -61,6 +64,8 @@ class Mazes:
         if not len(mazes):
             raise ValueError("there must be at least one maze")
         drawn = [named(maze) if isinstance(maze, str) else maze for maze in mazes]
+        for maze in drawn:
+            check_kind("maze", maze, Maze)
         walls, goal = np.stack([maze.walls for maze in drawn]), [maze.goal for maze in drawn]
         return cls(torch.from_numpy(walls), torch.tensor(goal))
 
@@ -144,12 +149,14 @@ class MazeFamily:
     names: tuple[str, ...] = field(default_factory=lambda: tuple(library()))
 
     def __post_init__(self) -> None:
-        Mazes.of(self.names)
+        if not (isinstance(self.names, tuple) and self.names):
+            raise ValueError(f"names must be a tuple of at least one, got {shown(self.names)}")
+        for name in self.names:
+            check_one_of("names", name, library())
 
     def sample(self, rng: np.random.Generator, count: int) -> Mazes:
         """Draw `count` tasks, independent and alike.  Raises ValueError when count < 1."""
-        if count < 1:
-            raise ValueError(f"count must be at least 1, got {count}")
+        check_whole("count", count)
         return Mazes.of([self.names[i] for i in rng.integers(len(self.names), size=count)])
 
     def join(self, tasks: Sequence[Mazes]) -> Mazes:

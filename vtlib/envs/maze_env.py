@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from gymnasium import spaces
 
+from vtlib.checks import check_kind
 from vtlib.envs.maze import SENSORS, Mazes
 from vtlib.envs.maze_geometry import REACH, SIDE
 from vtlib.envs.mazes import Maze
@@ -118,6 +119,8 @@ class MazeVectorEnv(TasksVectorEnv):
         render_mode: str | None = None,
     ) -> None:
         count = checked_count(num_envs)
+        if not isinstance(maze, str | Maze):
+            check_kind("maze", maze, Sequence)
         mazes = [maze] * count if isinstance(maze, str | Maze) else list(maze)
         if len(mazes) != count:
             raise ValueError(f"maze must be one, or a sequence of {count}, got {len(mazes)}")

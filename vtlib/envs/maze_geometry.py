@@ -56,12 +56,14 @@ class Ground:
 
     def at(self, index: np.ndarray) -> np.ndarray:
         """Contents of the cells at `index`, integers held as float64."""
-        return self.cells.take(index.astype(np.int64))
+        contents: np.ndarray = self.cells.take(index.astype(np.int64))
+        return contents
 
 
 def directions(angle: np.ndarray) -> np.ndarray:
     """Unit vectors (2, ...) at angles (...) in radians, counted from the x axis to the left."""
-    return np.cos(angle - _QUARTERS.reshape(2, *[1] * angle.ndim))
+    vectors: np.ndarray = np.cos(angle - _QUARTERS.reshape(2, *[1] * angle.ndim))
+    return vectors
 
 
 def look(
@@ -107,4 +109,5 @@ def advance(ground: Ground, position: np.ndarray, move: np.ndarray) -> np.ndarra
     beyond = (cell + sign) * _STRIDE + ground.origin
     found = ground.at(beyond + aside * _STRIDE[::-1]).min(0)
     first = np.maximum(share, found).min(0)
-    return position + (first - BACK_OFF).clip(0.0, 1.0) * move
+    end: np.ndarray = position + (first - BACK_OFF).clip(0.0, 1.0) * move
+    return end

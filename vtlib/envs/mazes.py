@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from vtlib.checks import check_kind, one_line, shown
 from vtlib.envs.maze_geometry import SIDE
 
 FILE = Path(__file__).with_name("mazes.txt")
@@ -29,13 +30,14 @@ def parse_maze(text: str, name: str = "maze") -> Maze:
     The goal is in a corner, and every free cell is connected with it through sides of cells.
     Raises ValueError with one line that gives the name and the first fault.
     """
+    check_kind("text", text, str)
     rows = [row.strip() for row in text.strip().splitlines()]
     fault = _fault_of_shape(rows)
     if fault is None:
         cells = np.array([list(row) for row in reversed(rows)]).T
         fault = _fault_of_cells(cells)
     if fault is not None:
-        raise ValueError(f"{name}: {fault}")
+        raise ValueError(one_line(f"{name}: {fault}"))
     x, y = (int(i) for i in np.argwhere(cells == GOAL)[0])
     return Maze(name, cells == WALL, (x, y))
 
@@ -47,18 +49,22 @@ def load_mazes(path: Path | str) -> dict[str, Maze]:
     between mazes, and lines that begin with ';' are comments.  Raises ValueError with one line that
     gives the maze and its first fault.
     """
-    lines = Path(path).read_text(encoding="utf-8").splitlines()
+    file = one_line(Path(path).name)
+    try:
+        lines = Path(path).read_text(encoding="utf-8").splitlines()
+    except UnicodeDecodeError as error:
+        raise ValueError(f"{file}: it is not text in UTF-8 ({error.reason})") from None
     kept = "\n".join(line.strip() for line in lines if not line.lstrip().startswith(COMMENT))
     mazes: dict[str, Maze] = {}
     for block in filter(None, (block.strip() for block in kept.split("\n\n"))):
         name, _, rows = block.partition("\n")
         if set(name) <= {WALL, FREE, GOAL}:
-            raise ValueError(f"{Path(path).name}: the maze that begins with {name} has no name")
+            raise ValueError(f"{file}: the maze that begins with {name} has no name")
         if name in mazes:
-            raise ValueError(f"{Path(path).name}: two mazes are called {name}")
+            raise ValueError(f"{file}: two mazes are called {one_line(name)}")
         mazes[name] = parse_maze(rows, name)
     if not mazes:
-        raise ValueError(f"{Path(path).name}: there is no maze in it")
+        raise ValueError(f"{file}: there is no maze in it")
     return mazes
 
 
@@ -71,7 +77,7 @@ def library() -> dict[str, Maze]:
 def named(name: str) -> Maze:
     """A maze of the library.  Raises ValueError when there is none of that name."""
     if name not in library():
-        raise ValueError(f"there is no maze {name!r}; there are {', '.join(library())}")
+        raise ValueError(f"there is no maze {shown(name)}; there are {', '.join(library())}")
     return library()[name]
 
 

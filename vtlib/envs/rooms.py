@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import ClassVar
@@ -12,6 +11,9 @@ import numpy as np
 import torch
 from numpy.typing import ArrayLike
 from torch import Tensor
+
+from vtlib.checks import check_between, check_kind, check_positive, check_whole, shown
+from vtlib.envs.batch import checked_rows, float_array
 
 SIDE = 10.0
 STEP_LENGTH = 1.0
@@ -56,13 +58,18 @@ class Rooms:
     gamma: ClassVar[float] = 0.99
 
     def __post_init__(self) -> None:
+        check_kind("walls", self.walls, Tensor)
+        check_kind("doors", self.doors, Tensor)
+        check_kind("uniform_start", self.uniform_start, bool)
         _check_walls(self.walls)
         _check_doors(self.doors, len(self.walls))
 
     @classmethod
     def from_doors(cls, doors: ArrayLike | Tensor, uniform_start: bool = False) -> Rooms:
         """Tasks with doors (R, W), or one task with doors (W,), and rooms of equal height."""
-        centres = torch.as_tensor(doors, dtype=torch.float32)
+        if not isinstance(doors, Tensor):
+            doors = torch.from_numpy(float_array("doors", doors))
+        centres = doors.float()
         centres = centres[None] if centres.ndim == 1 else centres
         if centres.ndim != 2 or centres.shape[1] == 0:
             raise ValueError(f"doors must have shape (R, W) or (W,), got {tuple(centres.shape)}")
@@ -100,11 +107,7 @@ class Rooms:
 
     def select(self, index: Tensor | np.ndarray | Sequence[int]) -> Rooms:
         """The tasks at `index`, in that order; an index may repeat.  Raises ValueError outside."""
-        rows = torch.as_tensor(index, device=self.doors.device)
-        if rows.ndim != 1 or rows.dtype.is_floating_point or rows.dtype == torch.bool:
-            raise ValueError(f"index must be a list of integers, got {index!r}")
-        if len(rows) and not -len(self) <= int(rows.min()) <= int(rows.max()) < len(self):
-            raise ValueError(f"index must lie in 0..{len(self) - 1}, got {index!r}")
+        rows = checked_rows(index, len(self)).to(self.doors.device)
         return replace(self, doors=self.doors[rows])
 
     def to(self, device: torch.device | str) -> Rooms:
@@ -121,7 +124,8 @@ class Rooms:
         # dy is never 0 where a wall is crossed; what it gives elsewhere is masked by `crosses`.
         x_at_wall = x + dx * ((self.walls - y) / dy)
         outside = (x_at_wall - self.doors).abs() > DOOR_WIDTH / 2
-        return (crosses & outside).any(1, keepdim=True)
+        blocked: Tensor = crosses & outside
+        return blocked.any(1, keepdim=True)
 
     def _check_step(self, state: Tensor, action: Tensor, noise: Tensor) -> None:
         runs = len(self.doors)
@@ -146,6 +150,8 @@ def _check_doors(doors: Tensor, count: int) -> None:
         raise ValueError(
             f"doors must have shape (R, {count}), one per wall, got {tuple(doors.shape)}"
         )
+    if doors.dtype != torch.float32:
+        raise ValueError(f"doors must be float32, got {doors.dtype}")
     low, high = DOOR_RANGE
     # Written so that NaN is refused too.
     wrong = ~((doors >= low) & (doors <= high))
@@ -168,22 +174,18 @@ class RoomsFamily:
     normal: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
-        low, high = DOOR_RANGE
-        if self.rooms not in (2, 3):
-            raise ValueError(f"rooms must be 2 or 3, got {self.rooms}")
-        if self.fixed_lower is not None and not low <= self.fixed_lower <= high:
-            raise ValueError(f"fixed_lower must lie in [{low:g}, {high:g}], got {self.fixed_lower}")
-        if self.normal is not None and not (
-            low <= self.normal[0] <= high and 0 < self.normal[1] < math.inf
-        ):
-            raise ValueError(
-                f"normal must be (mean in [{low:g}, {high:g}], deviation > 0), got {self.normal}"
-            )
+        check_whole("rooms", self.rooms, 2, 3)
+        if self.fixed_lower is not None:
+            check_between("fixed_lower", self.fixed_lower, *DOOR_RANGE)
+        if self.normal is not None:
+            if not (isinstance(self.normal, tuple) and len(self.normal) == 2):
+                raise ValueError(f"normal must be (mean, deviation), got {shown(self.normal)}")
+            check_between("the mean in normal", self.normal[0], *DOOR_RANGE)
+            check_positive("the deviation in normal", self.normal[1])
 
     def sample(self, rng: np.random.Generator, count: int) -> Rooms:
         """Draw `count` tasks, independent and alike.  Raises ValueError when count < 1."""
-        if count < 1:
-            raise ValueError(f"count must be at least 1, got {count}")
+        check_whole("count", count)
         shape = (count, self.rooms - 1)
         if self.normal is None:
             doors = rng.uniform(*DOOR_RANGE, shape)

@@ -8,6 +8,7 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import ArrayLike
 
+from vtlib.envs.batch import float_array
 from vtlib.envs.rooms import SIDE, Rooms
 from vtlib.envs.tasks_env import (
     TasksEnv,
@@ -117,7 +118,7 @@ def _box() -> spaces.Box:
 
 
 def _tasks(doors: ArrayLike, count: int, uniform_start: bool) -> Rooms:
-    centres = np.asarray(doors, dtype=np.float32)
+    centres = float_array("doors", doors)
     if centres.ndim == 1:
         centres = np.tile(centres, (count, 1))
     tasks = Rooms.from_doors(centres, uniform_start)

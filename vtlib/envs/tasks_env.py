@@ -14,6 +14,7 @@ from gymnasium.utils import seeding
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
+from vtlib.checks import check_whole, shown
 from vtlib.envs.episodes import Tasks
 
 RENDER_MODES = ["rgb_array"]
@@ -189,8 +190,7 @@ class TasksVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
 
 def checked_count(num_envs: int) -> int:
     """The count of rows of a vectorised environment.  Raises ValueError below 1."""
-    if num_envs < 1:
-        raise ValueError(f"num_envs must be at least 1, got {num_envs}")
+    check_whole("num_envs", num_envs)
     return num_envs
 
 
@@ -217,12 +217,13 @@ def _observe(tasks: Tasks, state: np.ndarray) -> np.ndarray:
 
 
 def _checked_horizon(horizon: int) -> int:
-    if horizon < 1:
-        raise ValueError(f"horizon must be at least 1, got {horizon}")
+    check_whole("horizon", horizon)
     return horizon
 
 
 def _checked_render_mode(render_mode: str | None) -> str | None:
     if render_mode is not None and render_mode not in RENDER_MODES:
-        raise ValueError(f"render_mode must be None or one of {RENDER_MODES}, got {render_mode!r}")
+        raise ValueError(
+            f"render_mode must be None or one of {RENDER_MODES}, got {shown(render_mode)}"
+        )
     return render_mode

@@ -8,6 +8,7 @@ from vtlib.experiments.control import (
     CARTPOLE_OTHER_SOURCES,
     CARTPOLE_SLIDERS,
 )
+from vtlib.experiments.deviations import ROOMS_CORNER, ROOMS_DEVIATIONS
 from vtlib.experiments.experiment import Experiment
 from vtlib.experiments.mazes import MAZE_SLIDERS, MAZE_TARGETS
 from vtlib.experiments.rooms import (
@@ -37,6 +38,8 @@ __all__ = [
     "ROOMS_CALIBRATION",
     "ROOMS_CHANGE",
     "ROOMS_CHANGE_SLIDERS",
+    "ROOMS_CORNER",
+    "ROOMS_DEVIATIONS",
     "ROOMS_EVALUATION",
     "ROOMS_EXPLORATION",
     "ROOMS_LIKELIHOOD",
@@ -69,6 +72,8 @@ EXPERIMENTS = {
         *MAZE_TARGETS.values(),
         MAZE_SLIDERS,
         ROOMS_CALIBRATION,
+        ROOMS_DEVIATIONS,
+        ROOMS_CORNER,
     )
 }
 POOLS = {e.pool.name: e.pool for e in EXPERIMENTS.values()}

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import torch
 from matplotlib.figure import Figure
+from matplotlib.typing import LineStyleType
 
 from vtlib.domains import domain
 from vtlib.envs.cartpole import Cartpole
@@ -31,7 +32,13 @@ VARIANTS = {  # of the collapse, in colours that no algorithm has
     "small steps": "#1b9e77",
     "buffer filled first": "#e7298a",
 }
-VARIANT_STYLES = ((0, (1, 1)), "-.", (0, (5, 1.5)), (0, (6, 1, 1, 1)), "-")
+VARIANT_STYLES: tuple[LineStyleType, ...] = (
+    (0, (1, 1)),
+    "-.",
+    (0, (5, 1.5)),
+    (0, (6, 1, 1, 1)),
+    "-",
+)
 
 
 def cartpole_diagram() -> Figure:

@@ -10,6 +10,7 @@ import numpy as np
 import torch
 from matplotlib.axes import Axes
 from matplotlib.colors import Normalize
+from matplotlib.image import AxesImage
 from torch import Tensor
 
 from vtlib.domains import domain
@@ -137,7 +138,7 @@ def snapshot_picture(
         return image_html(small_png(figure, 128), alt)
 
 
-def _draw(ax: Axes, plane: Plane, snapshot: Snapshot):
+def _draw(ax: Axes, plane: Plane, snapshot: Snapshot) -> AxesImage:
     (left, right), (low, high) = (
         np.array(ends) / unit for ends, unit in zip(plane.ends, plane.units, strict=True)
     )

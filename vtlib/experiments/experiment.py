@@ -7,12 +7,15 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from vtlib.baselines import DDQNSettings, MellowTDSettings
+from vtlib.checks import check_kind, check_name, check_one_of, check_positive, check_whole, shown
 from vtlib.domains import Family
+from vtlib.envs.rooms import RoomsFamily
 from vtlib.sources import Pool
 from vtlib.transfer import Settings
 
 Algorithm = Settings | MellowTDSettings | DDQNSettings
 ITERATIONS = 10_000
+TASKS = "tasks"  # under this name an experiment's targets are stored, beside its algorithms
 
 
 @dataclass(frozen=True)
@@ -24,7 +27,8 @@ class Experiment:
     ``runs_per_task`` consecutive runs have one target. ``counts`` names algorithms that use only
     the first so many of a run's sources; ``excluded`` are sources that no run may draw; ``visits``
     keeps the positions that the agents visit; ``probes`` is the number of states and actions at
-    which the posterior's coverage of the planned values is recorded.
+    which the posterior's coverage of the planned values is recorded. Raises ValueError for a value
+    outside its range.
     """
 
     name: str
@@ -43,21 +47,52 @@ class Experiment:
     probes: int = 0
 
     def __post_init__(self) -> None:
-        if not self.algorithms:
-            raise ValueError(f"{self.name} has no algorithm")
-        if not 1 <= self.sources <= len(self.eligible):
-            raise ValueError(f"sources must lie in 1..{len(self.eligible)}, got {self.sources}")
-        for label, count in self.counts.items():
-            if label not in self.algorithms or not 1 <= count <= self.sources:
-                raise ValueError(
-                    f"counts must give algorithms 1..{self.sources} sources, got {label}: {count}"
-                )
-        if self.runs_per_task < 1 or self.runs % self.runs_per_task:
+        check_name("name", self.name)
+        check_kind("pool", self.pool, Pool)
+        # sources are of use only to tasks with the same Q-function
+        check_kind("family", self.family, type(self.pool.family))
+        self._check_algorithms()
+        for name in ("runs", "iterations", "runs_per_task"):
+            check_whole(name, getattr(self, name))
+        check_whole("every", self.every, 1, self.iterations)
+        if self.runs % self.runs_per_task:
             raise ValueError(
                 f"runs_per_task must divide the {self.runs} runs, got {self.runs_per_task}"
             )
-        if not self.stream:
+        self._check_sources()
+        check_kind("visits", self.visits, bool)
+        self._check_probes()
+        if self.stream == "":
             object.__setattr__(self, "stream", self.name)
+        check_name("stream", self.stream)
+
+    def _check_algorithms(self) -> None:
+        check_kind("algorithms", self.algorithms, Mapping)
+        if not self.algorithms:
+            raise ValueError(f"algorithms must name at least one, got {shown(self.algorithms)}")
+        for label, algorithm in self.algorithms.items():
+            check_name("a label in algorithms", label)
+            if label == TASKS:
+                raise ValueError(f"algorithms must not be called {TASKS!r}, got {shown(label)}")
+            check_kind(f"algorithms[{label!r}]", algorithm, Algorithm)
+
+    def _check_sources(self) -> None:
+        check_kind("excluded", self.excluded, tuple)
+        for index in self.excluded:
+            check_whole("excluded", index, 0, self.pool.count - 1)
+        check_whole("sources", self.sources, 1, len(self.eligible))
+        check_kind("counts", self.counts, Mapping)
+        for label, count in self.counts.items():
+            check_one_of("a label in counts", label, self.algorithms)
+            check_whole(f"counts[{label!r}]", count, 1, self.sources)
+
+    def _check_probes(self) -> None:
+        check_whole("probes", self.probes, 0)
+        transfers = all(isinstance(one, Settings) for one in self.algorithms.values())
+        if self.probes and not (transfers and isinstance(self.family, RoomsFamily)):
+            raise ValueError(
+                f"probes must be 0 unless all algorithms transfer between rooms, got {self.probes}"
+            )
 
     @property
     def eligible(self) -> list[int]:
@@ -67,6 +102,12 @@ class Experiment:
     def task_of(self, run: int) -> int:
         """Number of the target task of a run."""
         return run // self.runs_per_task
+
+    def transfer_settings(self, label: str) -> Settings:
+        """The settings of an algorithm that transfers."""
+        settings = self.algorithms[label]
+        assert isinstance(settings, Settings), f"{label} does not transfer"
+        return settings
 
     def sources_of(self, label: str) -> int:
         """How many of a run's sources an algorithm uses."""
@@ -78,7 +119,8 @@ COMPONENTS = (1, 2, 3)
 
 
 def slider_lambdas(base: Settings) -> tuple[float, ...]:
-    """Five powers of ten around the lambda of the thesis' setting."""
+    """Five powers of ten around the lambda of the thesis' setting, which must not be 0."""
+    check_positive("lambda_", base.lambda_)
     middle = round(math.log10(base.lambda_))
     return tuple(float(f"1e{middle + step}") for step in (-2, -1, 0, 1, 2))
 
@@ -100,8 +142,10 @@ def sliders_of(
     """The settings of the sliders around 1-MGVT, on an experiment's first runs or tasks.
 
     lambdas, psis, components: those of the sliders; lambdas are ``slider_lambdas`` by default.
+    Raises ValueError when the experiment has no 1-MGVT.
     """
-    base = experiment.algorithms["1-MGVT"]
+    check_one_of("the sliders' algorithm", "1-MGVT", experiment.algorithms)
+    base = experiment.transfer_settings("1-MGVT")
     return replace(
         experiment,
         name=name,

@@ -10,6 +10,7 @@ import torch
 from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm, Normalize
 from matplotlib.figure import Figure
+from matplotlib.image import AxesImage
 
 from vtlib.domains import rooms_q
 from vtlib.envs.draw import draw_rooms
@@ -21,6 +22,7 @@ from vtlib.experiments.work import load_result
 from vtlib.plots import COLOURS, BookFigure, image_html, look, small_png
 from vtlib.store import results_folder
 from vtlib.streams import generator
+from vtlib.transfer import VariationalTransfer
 
 NODES = 41  # of the grid on which a posterior is drawn, across and up
 SAMPLES = 60  # a multiple of every number of components
@@ -31,9 +33,16 @@ def visited(name: str, label: str) -> np.ndarray:
     return load_result(name, label, results_folder())[0]["visited"]
 
 
+def _rooms(experiment: Experiment, run: int = 0) -> Rooms:
+    """The target task of one run."""
+    tasks = targets(experiment, [run])
+    assert isinstance(tasks, Rooms)
+    return tasks
+
+
 def overlay_figure(experiment: Experiment, labels: Sequence[str], run: int = 0) -> Figure:
     """Positions visited in one run by epsilon-greedy, and by each algorithm over them."""
-    tasks = targets(experiment, [run])
+    tasks = _rooms(experiment, run)
     behind = visited(experiment.name, "NT")[run]
     with look():
         figure = BookFigure(figsize=(7.6, 3.9))
@@ -57,7 +66,8 @@ def density_figure(experiment: Experiment, labels: Sequence[str]) -> Figure:
         axes = figure.subplots(1, len(labels))
         for ax, label in zip(axes, labels, strict=True):
             at = visited(experiment.name, label)
-            counts, _, _ = np.histogram2d(*at.reshape(-1, 2).T, bins=(edges, edges))
+            x, y = at.reshape(-1, 2).T
+            counts, _, _ = np.histogram2d(x, y, bins=(edges, edges))
             share = counts.T / len(at) / at.shape[1]
             image = ax.imshow(
                 np.where(share > 0, share, np.nan),
@@ -68,7 +78,7 @@ def density_figure(experiment: Experiment, labels: Sequence[str]) -> Figure:
                 extent=(0, SIDE, 0, SIDE),
                 cmap="viridis",
             )
-            draw_rooms(ax, targets(experiment, [0]), start_color="white")
+            draw_rooms(ax, _rooms(experiment), start_color="white")
             ax.grid(False)
             ax.set_title("ε-greedy" if label == "NT" else label)
         figure.colorbar(image, ax=axes, label="share of the visits", shrink=0.85)
@@ -101,6 +111,7 @@ def snapshots(
     noise = generator(experiment.stream, run, "snapshots").standard_normal(
         (SAMPLES, rooms_q().d), np.float32
     )
+    assert isinstance(batch.agent, VariationalTransfer)
     kept = []
     for t in batch.moments(at):
         path = batch.episodes.visited[0].numpy() if t else np.zeros((0, 2), np.float32)
@@ -125,7 +136,7 @@ def snapshot_picture(
     experiment: Experiment, runs: Mapping[str, Sequence[Snapshot]], index: int
 ) -> str:
     """One iteration of several runs as an HTML picture: value, its deviation, the path so far."""
-    tasks = targets(experiment, [0])
+    tasks = _rooms(experiment)
     shown = {label: taken[index] for label, taken in runs.items()}
     iteration = next(iter(shown.values())).iteration
     with look():
@@ -155,7 +166,7 @@ def snapshot_picture(
         return image_html(small_png(figure, 192), alt)
 
 
-def _map(ax: Axes, tasks: Rooms, values: np.ndarray, colours: str, norm: Normalize):
+def _map(ax: Axes, tasks: Rooms, values: np.ndarray, colours: str, norm: Normalize) -> AxesImage:
     half = SIDE / (NODES - 1) / 2  # nodes lie in the middle of their pixels
     extent = (-half, SIDE + half, -half, SIDE + half)
     image = ax.imshow(values, origin="lower", extent=extent, cmap=colours, norm=norm)

@@ -105,8 +105,8 @@ def optimal_walks(tasks: Rooms, index: int, walks: int, experiment: str) -> list
     """Positions (steps, 2) of episodes under the planned optimal policy of one task."""
     best = plan(tasks, index, None)
     copies = tasks.select([index] * walks)
-    noise = generator(experiment, index, "walks").standard_normal((Rooms.horizon, walks, 2))
-    noise = torch.from_numpy(noise.astype(np.float32))
+    drawn = generator(experiment, index, "walks").standard_normal((Rooms.horizon, walks, 2))
+    noise = torch.from_numpy(drawn.astype(np.float32))
     state = copies.start(torch.zeros(walks, 2))
     paths, alive = [state], torch.ones(walks, dtype=torch.bool)
     for h in range(Rooms.horizon):
@@ -184,7 +184,7 @@ def slider_picture(
 
 def setting_title(experiment: Experiment, lambda_: float, psi: float, components: int) -> str:
     """A setting of the sliders in symbols, the thesis' own marked."""
-    base = experiment.algorithms["1-MGVT"]
+    base = experiment.transfer_settings("1-MGVT")
     thesis = (lambda_, psi) == (base.lambda_, base.psi) and components in (1, 3)
     title = f"λ = {power_of_ten(lambda_)}, ψ = {psi:g}, {_counted(components)}"
     return title + (" (the thesis' setting)" if thesis else "")

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
+import numpy as np
+
 from vtlib import claims, visits
 from vtlib.claims import Claim, Returns
 from vtlib.experiments import (
@@ -77,8 +79,9 @@ def rooms_likelihood() -> list[Claim]:
     density = task_likelihood(ROOMS_LIKELIHOOD)
     last = LIKELIHOOD_AT[-1]
 
-    def means(label: str, t: int):
-        return share_by_task(ROOMS_LIKELIHOOD, label, t).mean(1)
+    def means(label: str, t: int) -> np.ndarray:
+        shares: np.ndarray = share_by_task(ROOMS_LIKELIHOOD, label, t).mean(1)
+        return shares
 
     return [
         *(
@@ -95,7 +98,7 @@ def rooms_likelihood() -> list[Claim]:
 def rooms_number_of_sources() -> list[Claim]:
     """Section 6.1.5, Figure 6.6."""
 
-    def learning(label: str, count: int, t: int):
+    def learning(label: str, count: int, t: int) -> np.ndarray:
         return learning_at(ROOMS_SOURCES, label, count, t)
 
     def halves(first: str, second: str) -> Claim:

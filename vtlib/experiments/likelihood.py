@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.typing import LineStyleType
 
 from vtlib.claims import Returns
 from vtlib.experiments.experiment import Experiment, slider_name
@@ -33,7 +35,8 @@ def density(doors: np.ndarray) -> np.ndarray:
     """Density of door positions under the Normal distribution that tasks are drawn from."""
     mean, deviation = LIKELIHOOD_DOORS
     z = (np.asarray(doors) - mean) / deviation
-    return np.exp(-(z**2) / 2) / (deviation * np.sqrt(2 * np.pi))
+    densities: np.ndarray = np.exp(-(z**2) / 2) / (deviation * np.sqrt(2 * np.pi))
+    return densities
 
 
 def task_likelihood(experiment: Experiment) -> np.ndarray:
@@ -45,7 +48,8 @@ def task_likelihood(experiment: Experiment) -> np.ndarray:
 def share_by_task(experiment: Experiment, label: str, iteration: int) -> np.ndarray:
     """Learning return over optimum (tasks, runs per task) at an iteration."""
     stored = returns(experiment.name, label)
-    return (stored.at(iteration) / stored.optimum).reshape(-1, experiment.runs_per_task)
+    shares: np.ndarray = stored.at(iteration) / stored.optimum
+    return shares.reshape(-1, experiment.runs_per_task)
 
 
 def likelihood_figure(
@@ -72,12 +76,10 @@ def starts_figure(
         figure = BookFigure(figsize=(7.6, 3.4))
         axes = figure.subplots(1, len(starts), sharey=True)
         for ax, (label, other) in zip(axes, starts.items(), strict=True):
-            for source, stored, style in (
-                (experiment, label, "-"),
-                (others, f"{label}-{other}", (0, (2, 1))),
-            ):
-                shares = share_by_task(source, stored, iteration)
-                draw_tasks(ax, label, task_likelihood(source), shares, style)
+            shares = share_by_task(experiment, label, iteration)
+            draw_tasks(ax, label, task_likelihood(experiment), shares, "-")
+            shares = share_by_task(others, f"{label}-{other}", iteration)
+            draw_tasks(ax, label, task_likelihood(others), shares, (0, (2, 1)))
             ax.set_title(f"{label}, dashed from the {other}")
         _finish(figure, axes)
     return figure
@@ -88,14 +90,23 @@ def draw_tasks(
     label: str,
     likelihood: np.ndarray,
     shares: np.ndarray,
-    style: str | tuple | None = None,
+    style: LineStyleType | None = None,
 ) -> None:
     """One point per task at its likelihood (tasks,), with the interval over its runs (axis 1)."""
     order = np.argsort(likelihood)
     band = mean_interval(shares[order].T)
     error = np.stack([band.centre - band.low, band.high - band.centre])
-    look_of = {"color": COLOURS[label], "ls": style or STYLES.get(label, "-"), "label": label}
-    ax.errorbar(likelihood[order], band.centre, error, lw=1.2, marker="o", ms=3.5, **look_of)
+    ax.errorbar(
+        likelihood[order],
+        band.centre,
+        error,
+        lw=1.2,
+        marker="o",
+        ms=3.5,
+        color=COLOURS[label],
+        ls=style or STYLES.get(label, "-"),
+        label=label,
+    )
 
 
 def _finish(figure: Figure, axes: Sequence[Axes]) -> None:
@@ -103,7 +114,7 @@ def _finish(figure: Figure, axes: Sequence[Axes]) -> None:
         ax.axhline(1.0, color=OPTIMUM, ls="--", lw=1.1, label="planned optimum")
         ax.set(xlabel="density of the task's door", ylim=(-0.03, 1.08))
     axes[0].set_ylabel("learning return over optimum")
-    handles: dict[str, object] = {}
+    handles: dict[str, Artist] = {}
     for ax in axes:
         for handle, label in zip(*ax.get_legend_handles_labels(), strict=True):
             handles.setdefault(label, handle)

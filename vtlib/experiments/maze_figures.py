@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import torch
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from torch import Tensor
 
 from vtlib.domains import domain
 from vtlib.envs.draw_maze import draw_maze
-from vtlib.envs.maze import Mazes
+from vtlib.envs.maze import MazeFamily, Mazes
 from vtlib.experiments.experiment import Experiment
 from vtlib.experiments.figures import KINDS, limits_of
 from vtlib.experiments.mazes import CORNERS, DIAGONAL, MAZES
@@ -35,6 +36,19 @@ class Walk:
     arrived: bool
 
 
+def _maze(experiment: Experiment, run: int = 0) -> Mazes:
+    """The target maze of one run."""
+    tasks = targets(experiment, [run])
+    assert isinstance(tasks, Mazes)
+    return tasks
+
+
+def _name(experiment: Experiment) -> str:
+    """The name of an experiment's target maze."""
+    assert isinstance(experiment.family, MazeFamily)
+    return experiment.family.names[0]
+
+
 def gallery(best: Sequence[float]) -> Figure:
     """All mazes of the pool, a row for each corner, with their planned optimal returns."""
     names = MAZES.family.names
@@ -54,11 +68,10 @@ def targets_figure(experiments: Mapping[str, Experiment]) -> Figure:
         figure = BookFigure(figsize=(7.6, 2.3))
         axes = figure.subplots(1, len(experiments), squeeze=False)[0]
         for ax, experiment in zip(axes, experiments.values(), strict=True):
-            tasks = targets(experiment, [0])
-            plan = plan_maze(tasks, 0)
-            walks = walk(tasks, experiment.name, lambda s, plan=plan: plan.q(s).argmax(1))
+            tasks = _maze(experiment)
+            walks = _optimal_walks(tasks, experiment.name)
             _draw_walks(ax, tasks, walks, COLOURS["GVT"], along=0.5)
-            ax.set_title(experiment.family.names[0], fontsize=9)
+            ax.set_title(_name(experiment), fontsize=9)
     return figure
 
 
@@ -75,7 +88,7 @@ def returns_grid(experiments: Mapping[str, Experiment], labels: Sequence[str]) -
                     curve(x, x, runs.iterations, getattr(runs, kind)) for x, runs in stored.items()
                 ]
                 draw_curves(ax, curves, best)
-                ax.set(title=f"{experiment.family.names[0]}, {title}", ylim=limits_of(experiment))
+                ax.set(title=f"{_name(experiment)}, {title}", ylim=limits_of(experiment))
                 ax.label_outer()
             row[0].set_ylabel("discounted return")
         handles, names = axes[0, 0].get_legend_handles_labels()
@@ -96,7 +109,7 @@ def covariance_figure(experiments: Mapping[str, Experiment]) -> Figure:
                 Curve("diagonal covariance", diagonal.iterations, diagonal.learning, *narrow),
             ]
             draw_curves(ax, curves, float(full.optimum.mean()))
-            ax.set(title=experiment.family.names[0], ylim=limits_of(experiment))
+            ax.set(title=_name(experiment), ylim=limits_of(experiment))
         axes[0].set_ylabel("learning return")
         handles, names = axes[0].get_legend_handles_labels()
         figure.legend(handles, names, loc="outside lower center", ncols=3)
@@ -108,7 +121,7 @@ def walks_on_the_way(
 ) -> list[list[Walk]]:
     """Compute one run anew; where its greedy policy goes after some iterations, 0 the start."""
     batch = prepare(experiment, label, experiment.algorithms[label], [run], pool)
-    tasks, q = targets(experiment, [run]), domain(experiment.family).q()
+    tasks, q = _maze(experiment, run), domain(experiment.family).q()
     return [
         walk(tasks, experiment.name, lambda s: _greedy(q, batch.agent.mu.detach(), tasks, s))
         for _ in batch.moments(at)
@@ -120,7 +133,7 @@ def _greedy(q: QFunction, mu: Tensor, tasks: Mazes, states: Tensor) -> Tensor:
     return q.q(mu, q.prepare(obs.unsqueeze(0)))[0].mean(0).argmax(0)
 
 
-def walk(tasks: Mazes, name: str, policy) -> list[Walk]:
+def walk(tasks: Mazes, name: str, policy: Callable[[Tensor], Tensor]) -> list[Walk]:
     """Episodes of a policy, states (B, 3) to actions (B,), in the first of some tasks.
 
     Starts and noise are the same for every policy of that name.
@@ -147,7 +160,7 @@ def walks_picture(
     experiment: Experiment, taken: Mapping[str, Sequence[Sequence[Walk]]], at: Sequence[int], i: int
 ) -> str:
     """The walks of several algorithms after the i-th of some iterations, as an HTML picture."""
-    tasks = targets(experiment, [0])
+    tasks = _maze(experiment)
     shown = {label: walks[i] for label, walks in taken.items()}
     with look():
         figure = BookFigure(figsize=(7.6, 4.1))
@@ -164,7 +177,12 @@ def walks_picture(
         return image_html(small_png(figure), alt)
 
 
-def _draw_walks(ax, tasks: Mazes, walks: Sequence[Walk], colour: str, along: float) -> None:
+def _optimal_walks(tasks: Mazes, name: str) -> list[Walk]:
+    plan = plan_maze(tasks, 0)
+    return walk(tasks, name, lambda states: plan.q(states).argmax(1))
+
+
+def _draw_walks(ax: Axes, tasks: Mazes, walks: Sequence[Walk], colour: str, along: float) -> None:
     """Walks with their starts as dots, and the first one's robot that far along its way."""
     first = walks[0].states
     draw_maze(ax, tasks, 0, first[round(along * (len(first) - 1))], rays=True)

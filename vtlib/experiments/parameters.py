@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass, field
 from html import escape
 
 from vtlib.baselines import DDQNSettings, MellowTDSettings
-from vtlib.domains import domain
+from vtlib.domains import Family, domain
 from vtlib.envs.rooms import RoomsFamily
 from vtlib.experiments.control import CAR, CARTPOLE
 from vtlib.experiments.experiment import Experiment
@@ -125,15 +125,17 @@ def environment(
 ) -> Environment:
     """An environment as its experiment runs it."""
     baseline = next(label for label in ("NT", "DDQN") if label in experiment.algorithms)
+    learner = experiment.algorithms[baseline]
+    assert isinstance(learner, MellowTDSettings | DDQNSettings)
     pool, q = experiment.pool, domain(experiment.family).q()
     return Environment(
         section,
         results,
         q.d,
-        {label: experiment.algorithms[label] for label in ("GVT", "1-MGVT", "3-MGVT")},
+        {label: experiment.transfer_settings(label) for label in ("GVT", "1-MGVT", "3-MGVT")},
         {
             "sources": (pool.settings, pool.iterations),
-            baseline: (experiment.algorithms[baseline], experiment.iterations),
+            baseline: (learner, experiment.iterations),
         },
         pool,
         {name: getattr(experiment, name) for name in ("runs", "sources", "iterations", "every")},
@@ -305,8 +307,9 @@ def rooms_table(experiments: Sequence[Experiment]) -> str:
     return html_table(head, rows)
 
 
-def doors(family: RoomsFamily) -> str:
+def doors(family: Family) -> str:
     """How the doors of a family of rooms are drawn, in words."""
+    assert isinstance(family, RoomsFamily)
     law = "uniform" if family.normal is None else "normal({:g}, {:g})".format(*family.normal)
     if family.fixed_lower is None:
         return f"{family.rooms} rooms, doors {law}"

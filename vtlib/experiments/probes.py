@@ -10,10 +10,12 @@ from torch import Tensor
 
 from vtlib.coverage import inside, posterior_samples
 from vtlib.domains import domain
+from vtlib.envs.episodes import Tasks
 from vtlib.envs.rooms import SIDE, Rooms
 from vtlib.experiments.experiment import Experiment
 from vtlib.planning import plan
 from vtlib.streams import Stream
+from vtlib.training import Agent
 from vtlib.transfer import VariationalTransfer
 
 SAMPLES = 400  # of each component's posterior
@@ -25,7 +27,8 @@ class CoverageProbe:
     States are uniform in the square, actions uniform; the truth is the planned optimal value.
     """
 
-    def __init__(self, experiment: Experiment, runs: Sequence[int], tasks: Rooms) -> None:
+    def __init__(self, experiment: Experiment, runs: Sequence[int], tasks: Tasks) -> None:
+        assert isinstance(tasks, Rooms)
         count = experiment.probes
         u = Stream(experiment.stream, runs, "probes").uniform(3 * count).view(len(runs), count, 3)
         self._q = domain(experiment.family).q()
@@ -40,8 +43,9 @@ class CoverageProbe:
         values = plan(tasks, index, None).q(self._obs[index])
         return values.gather(1, self._action[index].unsqueeze(1)).squeeze(1)
 
-    def look(self, agent: VariationalTransfer) -> None:
+    def look(self, agent: Agent) -> None:
         """Note the coverage of the present posterior."""
+        assert isinstance(agent, VariationalTransfer)
         runs, components, d = agent.mu.shape
         noise = self._noise.normal(components * SAMPLES * d).view(runs, components, SAMPLES, d)
         weights = posterior_samples(agent.mu.detach(), agent.L, noise)

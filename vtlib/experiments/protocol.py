@@ -66,12 +66,13 @@ def robust_table(name: str, labels: list[str], iteration: int, against: str) -> 
     Intervals are Student's for the mean, and from a seeded bootstrap within tasks otherwise.
     """
     experiment = named(name)
-    strata = np.array([experiment.task_of(run) for run in range(experiment.runs)])
-    strata = None if experiment.runs_per_task == 1 else strata
+    tasks = np.array([experiment.task_of(run) for run in range(experiment.runs)])
+    strata = None if experiment.runs_per_task == 1 else tasks
 
     def share(label: str) -> np.ndarray:
         stored = returns(name, label)
-        return stored.at(iteration) / stored.optimum
+        shares: np.ndarray = stored.at(iteration) / stored.optimum
+        return shares
 
     rows = []
     for label in labels:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -26,7 +27,7 @@ def returns(name: str, label: str, root: Path | None = None) -> Returns:
     return Returns(arrays["iterations"], arrays["learning"], arrays["greedy"], best)
 
 
-def provenance(name: str, root: Path | None = None) -> list[dict]:
+def provenance(name: str, root: Path | None = None) -> list[dict[str, Any]]:
     """Provenance of the pool, the tasks and every algorithm of an experiment."""
     root = root or results_folder()
     experiment = named(name)

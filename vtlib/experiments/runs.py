@@ -13,9 +13,10 @@ from vtlib.baselines import DDQN, DDQNSettings, MellowTD, MellowTDSettings
 from vtlib.domains import domain, first_weights, parameters
 from vtlib.envs.episodes import Episodes, RecordedEpisodes, Tasks
 from vtlib.evaluation import GreedyReturn
+from vtlib.experiments.deviations import DeviatingSettings, DeviatingTransfer
 from vtlib.experiments.experiment import Algorithm, Experiment
 from vtlib.experiments.probes import CoverageProbe
-from vtlib.sources import draw_tasks
+from vtlib.sources import check_pool_weights, draw_tasks
 from vtlib.streams import Stream, generator
 from vtlib.training import FINGERPRINTS, Agent, train
 from vtlib.transfer import VariationalTransfer
@@ -69,7 +70,8 @@ def prepare(
 ) -> Batch:
     """Agents, episodes and evaluation of some runs; pool (count, d) are the source weights.
 
-    label names the algorithm in errors.
+    label names the algorithm in errors. Raises ValueError when an algorithm that transfers is given
+    weights that are not finite, not float32 or of another shape.
     """
     q, tasks = domain(experiment.family).q(), targets(experiment, runs)
 
@@ -83,17 +85,14 @@ def prepare(
         streams = stream("exploration"), stream("replay")
         agent = learner(q, start, tasks.obs_dim, algorithm, *streams)
     else:
+        check_pool_weights(experiment.pool, pool)
         chosen = chosen_sources(experiment, runs)[:, : experiment.sources_of(label)]
         sources = torch.from_numpy(pool[chosen])
-        agent = VariationalTransfer(
-            q,
-            sources,
-            tasks.obs_dim,
-            algorithm,
-            stream("posterior"),
-            stream("component"),
-            stream("replay"),
-        )
+        three = stream("posterior"), stream("component"), stream("replay")
+        if isinstance(algorithm, DeviatingSettings):
+            agent = DeviatingTransfer(q, sources, tasks.obs_dim, algorithm, *three)
+        else:
+            agent = VariationalTransfer(q, sources, tasks.obs_dim, algorithm, *three)
     kind = RecordedEpisodes if experiment.visits else Episodes
     return Batch(
         agent,

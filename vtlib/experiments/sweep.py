@@ -17,7 +17,7 @@ def final_shares(
     experiment: Experiment, sliders: Experiment, components: int
 ) -> dict[tuple[float, float], np.ndarray]:
     """Share of each task's optimum (R,) that is earned at the end, by (lambda, psi)."""
-    base = experiment.algorithms["1-MGVT"]
+    base = experiment.transfer_settings("1-MGVT")
     shares = {}
     for psi in PSIS:
         for lambda_ in slider_lambdas(base):
@@ -29,7 +29,7 @@ def final_shares(
 def sweep_table(experiment: Experiment, sliders: Experiment, components: int) -> str:
     """Mean share of the optimum at the end with its 95 % interval, as HTML: ψ down, λ across."""
     shares = final_shares(experiment, sliders, components)
-    lambdas = slider_lambdas(experiment.algorithms["1-MGVT"])
+    lambdas = slider_lambdas(experiment.transfer_settings("1-MGVT"))
     head = ["", *(f"λ{NO_BREAK}={NO_BREAK}{power_of_ten(x)}" for x in lambdas)]
     rows = [
         [f"ψ{NO_BREAK}={NO_BREAK}{psi:g}", *(_share(shares[x, psi]) for x in lambdas)]

@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from vtlib import sources, store
-from vtlib.experiments import POOLS, named
+from vtlib.checks import check_whole
+from vtlib.experiments import POOLS, named, work
 from vtlib.experiments import runs as runs_of
 from vtlib.experiments.work import load_result, pool_weights
 
@@ -28,13 +29,21 @@ def mismatches(
     arrays, _ = load_result(owner, label, root)
     if label == "tasks":
         return _task_mismatches(owner, arrays)
-    chosen = list(range(len(arrays["fingerprints"])) if members is None else members)
+    count = POOLS[owner].count if owner in POOLS else named(owner).runs
+    chosen = list(range(count) if members is None else members)
+    for member in chosen:
+        check_whole("member", member, 0, count - 1)
+    stored = arrays.get("fingerprints", np.zeros(0))
+    if stored.shape[:1] != (count,) or stored.dtype.kind != "f":
+        raise store.TornResult(f"{root / owner / label} does not hold {count} fingerprints")
     if owner in POOLS:
         computed = sources.head(POOLS[owner], chosen)
     else:
         experiment = named(owner)
         computed = runs_of.head(experiment, label, chosen, pool_weights(experiment.pool, root))
-    alike = np.isclose(computed, arrays["fingerprints"][chosen], RELATIVE, ABSOLUTE)
+    if computed.shape[1:] != stored.shape[1:]:
+        return chosen
+    alike = np.isclose(computed, stored[chosen], RELATIVE, ABSOLUTE)
     return [m for m, same in zip(chosen, alike.all((1, 2)), strict=True) if not same]
 
 
@@ -42,6 +51,10 @@ def _task_mismatches(owner: str, arrays: store.Arrays) -> list[int]:
     experiment = named(owner)
     runs = range(experiment.runs)
     computed = runs_of.task_table(experiment)
+    for key, values in computed.items():
+        stored = arrays.get(key, np.zeros(0))
+        if (stored.shape, stored.dtype.kind) != (values.shape, values.dtype.kind):
+            return list(runs)
     alike = [
         np.isclose(arrays[key], computed[key], RELATIVE, ABSOLUTE).reshape(len(runs), -1).all(1)
         for key in computed
@@ -50,10 +63,5 @@ def _task_mismatches(owner: str, arrays: store.Arrays) -> list[int]:
 
 
 def results_of(name: str) -> list[tuple[str, str]]:
-    """Every stored result behind an experiment, as (owner, label)."""
-    experiment = named(name)
-    return [
-        (experiment.pool.name, "sources"),
-        (experiment.name, "tasks"),
-        *((experiment.name, label) for label in experiment.algorithms),
-    ]
+    """Every stored result behind an experiment, by the names of owner and label."""
+    return [(owner.name, label) for owner, label in work.results_of(named(name))]

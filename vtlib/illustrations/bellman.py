@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from matplotlib.axes import Axes
 
 from vtlib.illustrations.palette import BLUE, GREEN, ORANGE, picture_html
 from vtlib.plots import OPTIMUM, BookFigure, look
@@ -39,20 +40,32 @@ def corridor(cells: int, slip: float, gamma: float) -> MDP:
     return MDP(transition, reward, gamma)
 
 
+def expected_next(mdp: MDP, v: np.ndarray) -> np.ndarray:
+    """Expectation (..., S, A) of values v (..., S) of the next state."""
+    mean: np.ndarray = np.einsum("ijk,...k->...ij", mdp.transition, v)
+    return mean
+
+
+def _backed_up(mdp: MDP, v: np.ndarray) -> np.ndarray:
+    q: np.ndarray = mdp.reward + mdp.gamma * expected_next(mdp, v)
+    return q
+
+
 def policy_operator(mdp: MDP, policy: np.ndarray, q: np.ndarray) -> np.ndarray:
     """Bellman operator of a policy (S,) applied to q (..., S, A), eq. 2.5."""
     followed = q[..., np.arange(len(policy)), policy]
-    return mdp.reward + mdp.gamma * np.einsum("ijk,...k->...ij", mdp.transition, followed)
+    return _backed_up(mdp, followed)
 
 
 def optimal_operator(mdp: MDP, q: np.ndarray) -> np.ndarray:
     """Optimal Bellman operator applied to q (..., S, A), eq. 2.9."""
-    return mdp.reward + mdp.gamma * np.einsum("ijk,...k->...ij", mdp.transition, q.max(-1))
+    return _backed_up(mdp, q.max(-1))
 
 
 def bellman_error(mdp: MDP, q: np.ndarray) -> np.ndarray:
     """Bellman error (..., S, A) of q (..., S, A): what the optimal operator would change."""
-    return optimal_operator(mdp, q) - q
+    error: np.ndarray = optimal_operator(mdp, q) - q
+    return error
 
 
 def policy_values(mdp: MDP, policy: np.ndarray) -> np.ndarray:
@@ -60,7 +73,8 @@ def policy_values(mdp: MDP, policy: np.ndarray) -> np.ndarray:
     states = np.arange(len(policy))
     step = mdp.transition[states, policy]
     v = np.linalg.solve(np.eye(len(policy)) - mdp.gamma * step, mdp.reward[states, policy])
-    return mdp.reward + mdp.gamma * mdp.transition @ v
+    q: np.ndarray = mdp.reward + mdp.gamma * mdp.transition @ v
+    return q
 
 
 def optimal_values(mdp: MDP) -> np.ndarray:
@@ -86,7 +100,8 @@ def iterates(mdp: MDP, q: np.ndarray, count: int) -> np.ndarray:
 
 def sup_distance(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Largest difference (...) over all pairs of a and b (..., S, A), the norm of eq. 2.11."""
-    return np.abs(a - b).max((-2, -1))
+    largest: np.ndarray = np.abs(a - b).max((-2, -1))
+    return largest
 
 
 def applications_until(share: float, gamma: float) -> int:
@@ -120,7 +135,7 @@ def contraction_picture(mdp: MDP, guess: np.ndarray, count: int = 40) -> str:
     )
 
 
-def _draw_values(ax, path: np.ndarray, best: np.ndarray) -> None:
+def _draw_values(ax: Axes, path: np.ndarray, best: np.ndarray) -> None:
     """Greedy values per cell after some applications, the end state left out."""
     cells = np.arange(1, len(best))
     for k in SHOWN:
@@ -133,9 +148,9 @@ def _draw_values(ax, path: np.ndarray, best: np.ndarray) -> None:
     ax.set(xlabel="cell", ylabel=r"$\max_a\ Q_k(s, a)$", ylim=(-0.16, 1.1))
 
 
-def _draw_distances(ax, shares: Mapping[str, np.ndarray], gamma: float) -> None:
+def _draw_distances(ax: Axes, shares: Mapping[str, np.ndarray], gamma: float) -> None:
     """Distances to the fixed point, as shares of the first, beside powers of gamma."""
-    styles = {
+    styles: dict[str, dict[str, Any]] = {
         "optimum + 1": {"color": ORANGE, "lw": 5, "alpha": 0.5},
         "arbitrary": {"color": GREEN, "ls": "-."},
         "zero": {"color": BLUE},

@@ -73,7 +73,8 @@ def source_weights() -> Tensor:
     x = features(s)
     gram = x.T @ x + 1e-6 * torch.eye(BASES, dtype=torch.float64)
     values = torch.stack([value(s, mud) for mud in SOURCE_MUD], -1)
-    return torch.linalg.solve(gram, x.T @ values).T
+    weights: Tensor = torch.linalg.solve(gram, x.T @ values)
+    return weights.T
 
 
 def walk(count: int, rng: np.random.Generator) -> tuple[Tensor, Tensor, Tensor]:
@@ -81,7 +82,9 @@ def walk(count: int, rng: np.random.Generator) -> tuple[Tensor, Tensor, Tensor]:
 
     Their TD errors (eq. 2.15) are r - x w. Each episode begins somewhere in the first metre.
     """
-    s, rows, at = torch.tensor(math.nan, dtype=torch.float64), [], []
+    rows: list[Tensor] = []
+    at: list[Tensor] = []
+    s = torch.tensor(math.nan, dtype=torch.float64)
     while len(at) < count:
         if not s < LENGTH:
             s = torch.tensor(rng.uniform(0, 1), dtype=torch.float64)

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from matplotlib.axes import Axes
 
 from vtlib.illustrations.palette import BLUE, GREY, ORANGE, picture_html
 from vtlib.plots import OPTIMUM, BookFigure, look
@@ -24,7 +25,9 @@ class Problem(NamedTuple):
 
 def normal_log_density(y: np.ndarray, mean: float, deviation: float) -> np.ndarray:
     """Logarithm (G,) of the Gaussian density at y (G,): q_xi of eq. 2.18 and its prior."""
-    return -0.5 * ((y - mean) / deviation) ** 2 - np.log(deviation) - 0.5 * np.log(2 * np.pi)
+    square = ((y - mean) / deviation) ** 2
+    logs: np.ndarray = -0.5 * square - np.log(deviation) - 0.5 * np.log(2 * np.pi)
+    return logs
 
 
 def square_problem(observed: float = 2.0, noise: float = 0.7) -> Problem:
@@ -51,7 +54,8 @@ def log_evidence(problem: Problem) -> float:
 
 def log_posterior(problem: Problem) -> np.ndarray:
     """Logarithm (G,) of the posterior density, eq. 2.16."""
-    return problem.log_prior + problem.log_likelihood - log_evidence(problem)
+    logs: np.ndarray = problem.log_prior + problem.log_likelihood - log_evidence(problem)
+    return logs
 
 
 def kl(y: np.ndarray, log_q: np.ndarray, log_p: np.ndarray) -> float:
@@ -95,7 +99,7 @@ def elbo_picture(problem: Problem, mean: float, deviation: float) -> str:
     )
 
 
-def _draw_densities(ax, problem: Problem, log_q: np.ndarray) -> None:
+def _draw_densities(ax: Axes, problem: Problem, log_q: np.ndarray) -> None:
     posterior = np.exp(log_posterior(problem))
     ax.fill_between(problem.y, posterior, color=GREY, alpha=0.35, lw=0, label="posterior")
     ax.plot(problem.y, np.exp(problem.log_prior), ":", color=GREY, lw=1.4, label="prior")
@@ -104,7 +108,7 @@ def _draw_densities(ax, problem: Problem, log_q: np.ndarray) -> None:
     ax.legend(loc="upper left", ncols=3, fontsize=8, handlelength=1.3, columnspacing=1)
 
 
-def _draw_bound(ax, problem: Problem, mean: float, deviation: float) -> None:
+def _draw_bound(ax: Axes, problem: Problem, mean: float, deviation: float) -> None:
     """The ELBO along the mean; at this mean a bar from 0 to log evidence and on to the ELBO."""
     y = problem.y
     along = [elbo(problem, normal_log_density(y, m, deviation)) for m in MEANS]

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from matplotlib.axes import Axes
 
 from vtlib.illustrations.palette import BLUE, GREEN, GREY, ORANGE, picture_html
 from vtlib.plots import BookFigure, look
@@ -34,19 +35,22 @@ def draw_losses(problem: Thresholds, count: int, rng: np.random.Generator) -> np
     """Zero-one losses (count, M) of every hypothesis on independent samples, as in eq. 2.21."""
     x = rng.random(count)
     y = (x >= problem.target) ^ (rng.random(count) < problem.flip)
-    return ((x[:, None] >= problem.h) != y[:, None]).astype(np.float64)
+    wrong: np.ndarray = (x[:, None] >= problem.h) != y[:, None]
+    return wrong.astype(np.float64)
 
 
 def true_risk(problem: Thresholds) -> np.ndarray:
     """Generalisation error (M,) of every hypothesis, eq. 2.22 in closed form."""
-    return problem.flip + (1 - 2 * problem.flip) * np.abs(problem.h - problem.target)
+    risk: np.ndarray = problem.flip + (1 - 2 * problem.flip) * np.abs(problem.h - problem.target)
+    return risk
 
 
 def gibbs_posterior(log_prior: np.ndarray, risk: np.ndarray, weight: float) -> np.ndarray:
     """Gibbs posterior probabilities (M,), eq. 2.23, from log prior and risk (M,), Lambda weight."""
     exponent = log_prior - weight * risk
     unnormalised = np.exp(exponent - exponent.max())
-    return unnormalised / unnormalised.sum()
+    probabilities: np.ndarray = unnormalised / unnormalised.sum()
+    return probabilities
 
 
 def kl(q: np.ndarray, p: np.ndarray) -> float:
@@ -121,7 +125,7 @@ def gibbs_picture(
     )
 
 
-def _draw_risks(ax, problem: Thresholds, losses: np.ndarray) -> None:
+def _draw_risks(ax: Axes, problem: Thresholds, losses: np.ndarray) -> None:
     ax.plot(problem.h, losses.mean(0), color=ORANGE, lw=1.2, label="empirical risk")
     ax.plot(problem.h, true_risk(problem), color=GREEN, ls="--", lw=1.4, label="true risk")
     ax.set(xlim=(0, 1), ylim=(0, 0.85), ylabel="risk")
@@ -129,7 +133,7 @@ def _draw_risks(ax, problem: Thresholds, losses: np.ndarray) -> None:
     ax.legend(loc="upper right", fontsize=8)
 
 
-def _draw_posterior(ax, problem: Thresholds, posterior: np.ndarray) -> None:
+def _draw_posterior(ax: Axes, problem: Thresholds, posterior: np.ndarray) -> None:
     """Densities on a logarithmic axis, where eq. 2.23 is a sum."""
     density = len(problem.h)
     prior = np.exp(problem.log_prior)
@@ -140,7 +144,15 @@ def _draw_posterior(ax, problem: Thresholds, posterior: np.ndarray) -> None:
     ax.legend(loc="upper left", fontsize=8)
 
 
-def _draw_bound(ax, problem, losses, sizes, count: int, lambda_: float, delta: float) -> None:
+def _draw_bound(
+    ax: Axes,
+    problem: Thresholds,
+    losses: np.ndarray,
+    sizes: Sequence[int],
+    count: int,
+    lambda_: float,
+    delta: float,
+) -> None:
     along = [outcome(problem, losses[:n], lambda_, delta) for n in sizes]
     ax.plot(sizes, [one.bound for one in along], color=BLUE, label="Catoni's bound")
     ax.plot(sizes, [one.true for one in along], color=GREEN, ls="--", label="true risk")

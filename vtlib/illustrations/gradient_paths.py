@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import torch
+from matplotlib.axes import Axes
 from torch import Tensor
 
 from vtlib.mellow import td_cotangent
@@ -88,7 +89,8 @@ def linear_part(problem: Problem, psi: float) -> tuple[Tensor, Tensor]:
 def solution(problem: Problem, psi: float) -> Tensor:
     """The weights (2,) at which the direction of eq. 5.4 vanishes."""
     A, c = linear_part(problem, psi)
-    return torch.linalg.solve(A, -c)
+    w: Tensor = torch.linalg.solve(A, -c)
+    return w
 
 
 def slowest_rate(problem: Problem, psi: float) -> float:
@@ -150,7 +152,7 @@ def _circle(points: int) -> Tensor:
     return torch.stack([angle.cos(), angle.sin()], -1)
 
 
-def _draw(ax, problem: Problem, start: Tensor, psi: float) -> None:
+def _draw(ax: Axes, problem: Problem, start: Tensor, psi: float) -> None:
     path = descend(problem, start, psi, STEPS, STEP)
     for line in path.unbind(1):
         ax.plot(*line.T, color=PATHS, lw=1.0)

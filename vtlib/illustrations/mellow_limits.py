@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import torch
+from matplotlib.axes import Axes
 from torch import Tensor
 
 from vtlib.mellow import mellowmax
@@ -17,7 +18,8 @@ ACCENT, REFERENCE = "#D55E00", "#1a1a1a"
 
 def gradient_shares(values: Tensor, kappa: float) -> Tensor:
     """Derivatives (..., A) of the mellowmax (eq. 5.3) by each of values (..., A); they sum to 1."""
-    return torch.func.grad(lambda x: mellowmax(x, kappa).sum())(values)
+    shares: Tensor = torch.func.grad(lambda x: mellowmax(x, kappa).sum())(values)
+    return shares
 
 
 def shortfall(actions: int, kappa: float) -> float:
@@ -52,7 +54,7 @@ def mellow_picture(kappa: float) -> str:
     return image_html(small_png(figure), alt)
 
 
-def _draw_hinge(ax, kappa: float) -> None:
+def _draw_hinge(ax: Axes, kappa: float) -> None:
     x = torch.linspace(-1, 1, 201, dtype=torch.float64)
     pairs = torch.stack([x, torch.zeros_like(x)], -1)
     ax.plot(x, pairs.amax(-1), "--", color=REFERENCE, lw=1.1, label="maximum")

@@ -39,7 +39,8 @@ def log_density(x: Tensor, components: Gaussian) -> Tensor:
     """Log density (n,) at x (n, d) of equal components (C, d), (C, d, d), section 5.2.2."""
     count, d = components.mu.shape
     apart = (x - components.mu.unsqueeze(1)).transpose(1, 2)
-    squares = torch.linalg.solve_triangular(components.L, apart, upper=False).square().sum(1)
+    whitened: Tensor = torch.linalg.solve_triangular(components.L, apart, upper=False)
+    squares = whitened.square().sum(1)
     volumes = components.L.diagonal(dim1=-2, dim2=-1).log().sum(-1, keepdim=True)
     logs = -0.5 * squares - volumes - 0.5 * d * math.log(2 * math.pi)
     return logs.logsumexp(0) - math.log(count)

@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import accumulate
+from typing import Any
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -83,14 +84,13 @@ class Diagram:
 
     def bounds(self) -> tuple[Point, Point]:
         """Lower left and upper right corner of everything."""
-        corners = [_around(self.nodes.values()), *map(self.box, self.plates)]
+        corners = [_around(list(self.nodes.values())), *map(self.box, self.plates)]
         lows, highs = zip(*corners, strict=True)
         low = min(x for x, _ in lows) - MARGIN, min(y for _, y in lows) - MARGIN
         return low, (max(x for x, _ in highs) + MARGIN, max(y for _, y in highs) + MARGIN)
 
 
 def _around(nodes: Sequence[Node]) -> tuple[Point, Point]:
-    nodes = list(nodes)
     low = min(n.x - n.half_width for n in nodes), min(n.y - n.half_width for n in nodes)
     return low, (max(n.x + n.half_width for n in nodes), max(n.y + n.half_width for n in nodes))
 
@@ -197,12 +197,16 @@ def draw(ax: Axes, diagram: Diagram, shift: float = 0.0) -> None:
         _write(ax, node.x + move, node.y, node.label, ha="center", va="center", fontsize=FONT + 2)
 
 
-def _write(ax: Axes, x: float, y: float, label: str, **look: object) -> None:
+def _write(ax: Axes, x: float, y: float, label: str, **look: Any) -> None:
     ax.text(x, y, label, math_fontfamily="stix", **look)
 
 
 def _shape(node: Node, move: float) -> Circle | Rectangle:
-    look = {"fc": "#d5dde6" if node.kind == OBSERVED else "white", "ec": "#222", "lw": 1.3}
+    look: dict[str, Any] = {
+        "fc": "#d5dde6" if node.kind == OBSERVED else "white",
+        "ec": "#222",
+        "lw": 1.3,
+    }
     if node.kind == FIXED:
         return Rectangle((node.x + move - SIDE, node.y - SIDE), 2 * SIDE, 2 * SIDE, **look)
     return Circle((node.x + move, node.y), RADIUS, **look)

@@ -21,7 +21,7 @@ GVT, KERNELS = "#0072B2", "#D55E00"
 
 def principal_directions(weights: Tensor) -> Tensor:
     """The two orthonormal directions (d, 2) in which weights (S, d) differ most."""
-    _, _, right = torch.linalg.svd(weights - weights.mean(0), full_matrices=False)
+    right: Tensor = torch.linalg.svd(weights - weights.mean(0), full_matrices=False).Vh
     return right[:2].T
 
 
@@ -49,7 +49,8 @@ def mass(points: Tensor, width: float, x: Tensor, y: Tensor) -> Tensor:
         torch.special.ndtr((edges - points[:, axis, None]) / width).diff(dim=1)
         for axis, edges in enumerate((x, y))
     )
-    return up.T @ across / len(points)
+    share: Tensor = up.T @ across / len(points)
+    return share
 
 
 def held_out(points: Tensor, width: float | None) -> float:
@@ -87,17 +88,24 @@ def prior_picture(weights: Tensor, width: float) -> str:
     with look():
         figure = BookFigure(figsize=(6.5, 4.2))
         ax = figure.subplots()
-        extent = [float(edge) for edge in (low[0], high[0], low[1], high[1])]
+        (left, right), (bottom, top) = ((float(low[k]), float(high[k])) for k in range(2))
         # few levels and square pixels: smooth shades would make the picture ten times heavier
         levels = (12 * (share / share.amax()).sqrt()).round().numpy()
-        options = {"origin": "lower", "aspect": "auto", "interpolation": "nearest"}
-        ax.imshow(levels, extent=extent, cmap="Oranges", vmax=15, **options)
+        ax.imshow(
+            levels,
+            extent=(left, right, bottom, top),
+            cmap="Oranges",
+            vmax=15,
+            origin="lower",
+            aspect="auto",
+            interpolation="nearest",
+        )
         for radius, style in ((1, "-"), (2, "--")):
             label = f"GVT: {radius} deviation{'s' * (radius > 1)}"
             ax.plot(*ellipse(gaussian, radius).T, color=GVT, ls=style, lw=1.4, label=label)
         ax.plot(*points.T, ".", color="black", ms=4, label="sources")
         ax.set(xlabel="first principal direction of the weights", ylabel="second")
-        ax.set(xlim=extent[:2], ylim=extent[2:], title=f"σₚ = {width:.2g}")
+        ax.set(xlim=(left, right), ylim=(bottom, top), title=f"σₚ = {width:.2g}")
         ax.legend(loc="lower left", ncols=3, frameon=True)
         ax.grid(False)
     alt = (

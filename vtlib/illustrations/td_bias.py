@@ -5,8 +5,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from matplotlib.axes import Axes
 
-from vtlib.illustrations.bellman import MDP, bellman_error, optimal_values
+from vtlib.illustrations.bellman import MDP, bellman_error, expected_next, optimal_values
 from vtlib.illustrations.palette import BLUE, GREEN, GREY, ORANGE, picture_html
 from vtlib.plots import BookFigure, look
 
@@ -40,25 +41,29 @@ def uniform_but_last(mdp: MDP) -> np.ndarray:
     """Measure nu (S, A) of eq. 2.13: equal weights, and none on the last state, the end."""
     nu = np.ones_like(mdp.reward)
     nu[-1] = 0
-    return nu / nu.sum()
+    weights: np.ndarray = nu / nu.sum()
+    return weights
 
 
 def squared_bellman_error(mdp: MDP, q: np.ndarray, nu: np.ndarray) -> np.ndarray:
     """Mean (...) over nu (S, A) of the squared Bellman error of q (..., S, A), eq. 2.13, p = 2."""
-    return (nu * bellman_error(mdp, q) ** 2).sum((-2, -1))
+    mean: np.ndarray = (nu * bellman_error(mdp, q) ** 2).sum((-2, -1))
+    return mean
 
 
 def target_variance(mdp: MDP, q: np.ndarray) -> np.ndarray:
     """Variance (..., S, A) of the TD error (eq. 2.15) at each pair, over the next state."""
     value = q.max(-1)
-    mean = np.einsum("ijk,...k->...ij", mdp.transition, value)
-    square = np.einsum("ijk,...k->...ij", mdp.transition, value**2)
-    return mdp.gamma**2 * (square - mean**2)
+    mean, square = expected_next(mdp, value), expected_next(mdp, value**2)
+    variance: np.ndarray = mdp.gamma**2 * (square - mean**2)
+    return variance
 
 
 def squared_td_error(mdp: MDP, q: np.ndarray, nu: np.ndarray) -> np.ndarray:
     """Expectation (...) of eq. 2.14 with p = 2 for samples from nu (S, A), of q (..., S, A)."""
-    return squared_bellman_error(mdp, q, nu) + (nu * target_variance(mdp, q)).sum((-2, -1))
+    bias: np.ndarray = (nu * target_variance(mdp, q)).sum((-2, -1))
+    mean: np.ndarray = squared_bellman_error(mdp, q, nu) + bias
+    return mean
 
 
 def draw_sample(mdp: MDP, nu: np.ndarray, count: int, rng: np.random.Generator) -> Sample:
@@ -77,7 +82,8 @@ def td_errors(sample: Sample, q: np.ndarray, gamma: float, other: bool = False) 
     """TD errors (..., N) of q (..., S, A), eq. 2.15, at the first or the other next states."""
     after = sample.other if other else sample.after
     target = sample.reward + gamma * q.max(-1)[..., after]
-    return target - q[..., sample.state, sample.action]
+    errors: np.ndarray = target - q[..., sample.state, sample.action]
+    return errors
 
 
 def best_scale(chance: float, gamma: float) -> float:
@@ -107,7 +113,7 @@ def bias_picture(chance: float, gamma: float, count: int, rng: np.random.Generat
     )
 
 
-def _draw_errors(ax, mdp: MDP, nu: np.ndarray, best: np.ndarray, sample: Sample) -> None:
+def _draw_errors(ax: Axes, mdp: MDP, nu: np.ndarray, best: np.ndarray, sample: Sample) -> None:
     """Expectations as curves over w, the gap between them shaded, and estimates as marks."""
     q = SCALES[:, None, None] * best
     bellman, td = squared_bellman_error(mdp, q, nu), squared_td_error(mdp, q, nu)
@@ -122,7 +128,7 @@ def _draw_errors(ax, mdp: MDP, nu: np.ndarray, best: np.ndarray, sample: Sample)
     ax.set(xlabel="$w$, where $Q_w = w\\,Q^*$", ylabel="error", xlim=(0, 1.4), ylim=(-0.03, 0.4))
 
 
-def _draw_coin(ax, chance: float, gamma: float) -> None:
+def _draw_coin(ax: Axes, chance: float, gamma: float) -> None:
     """The two TD errors of Q* at the coin, with their probabilities, mean and deviation."""
     errors = gamma * np.array([1 - chance, -chance])
     ax.bar(errors, [chance, 1 - chance], width=0.06, color=GREY)

@@ -1,0 +1,101 @@
+"""Checks of what callers pass; each refusal is one line: the name, what is allowed, the value.
+
+Configurations are stored as JSON, so their numbers are Python's: neither NumPy's, nor True for 1.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from typing import Any, TypeGuard, get_args
+
+import numpy as np
+import torch
+from torch import Tensor
+
+LARGEST = 10**9  # of whole numbers: nothing beyond is meant, nor fits into memory
+TINY, HUGE = 1e-37, 1e38  # of positive numbers: float32 holds what lies between
+SHOWN = 200  # characters of a value
+
+
+def one_line(text: object) -> str:
+    """A text without line ends and other control characters, which are escaped."""
+    return "".join(c if c.isprintable() else repr(c)[1:-1] for c in str(text))
+
+
+def shown(value: object) -> str:
+    """A value as an error shows it: one line that is not too long."""
+    try:
+        text = one_line(repr(value))
+    except Exception:  # such as an integer with more digits than Python writes down
+        text = f"a value of type {type(value).__name__}"
+    return text if len(text) <= SHOWN else text[:SHOWN] + "..."
+
+
+def check_whole(name: str, value: object, least: int = 1, most: int = LARGEST) -> None:
+    """Raise ValueError unless value is an int between two others."""
+    if not (isinstance(value, int) and _is_number(value) and least <= value <= most):
+        raise ValueError(
+            f"{name} must be a whole number from {least} to {most}, got {shown(value)}"
+        )
+
+
+def check_positive(name: str, value: object) -> None:
+    """Raise ValueError unless value is a positive number that float32 can work with."""
+    if not (_is_number(value) and TINY <= value <= HUGE):
+        raise ValueError(f"{name} must be positive, from {TINY:g} to {HUGE:g}, got {shown(value)}")
+
+
+def check_between(name: str, value: object, low: float, high: float, below: bool = False) -> None:
+    """Raise ValueError unless value is a number from low to high; below leaves out high itself."""
+    if not (_is_number(value) and low <= value <= high and not (below and value == high)):
+        end = ")" if below else "]"
+        raise ValueError(f"{name} must lie in [{low:g}, {high:g}{end}, got {shown(value)}")
+
+
+def check_one_of(name: str, value: object, allowed: Collection[str]) -> None:
+    """Raise ValueError unless value is one of some texts."""
+    if not (isinstance(value, str) and value in allowed):
+        raise ValueError(f"{name} must be one of {', '.join(allowed)}, got {shown(value)}")
+
+
+def check_kind(name: str, value: object, kind: Any) -> None:
+    """Raise ValueError unless value is an instance of a class, or of one of a union's classes."""
+    if not isinstance(value, kind):
+        kinds = " or ".join(one.__name__ for one in get_args(kind) or (kind,))
+        raise ValueError(f"{name} must be of type {kinds}, got {shown(value)}")
+
+
+def check_name(name: str, value: object) -> None:
+    """Raise ValueError unless value can name something in texts and be the name of a file."""
+    text = value if isinstance(value, str) else ""
+    if not (text.strip(" .") and text.isprintable() and "/" not in text):
+        raise ValueError(
+            f"{name} must be a text on one line, not empty and without '/', got {shown(value)}"
+        )
+
+
+def check_weights(
+    name: str, weights: Any, *shape: str | int, kinds: Collection[str] = ("float32",)
+) -> None:
+    """Raise ValueError unless weights are finite, of a shape, and of one of some kinds of numbers.
+
+    weights: a tensor or an array. An axis that is given in words may have any size but 0.
+    """
+    if not isinstance(weights, Tensor | np.ndarray):
+        raise ValueError(f"{name} must be a tensor or an array, got {shown(weights)}")
+    sizes = tuple(weights.shape)
+    if len(sizes) != len(shape) or not all(
+        size > 0 and (isinstance(axis, str) or size == axis)
+        for size, axis in zip(sizes, shape, strict=True)
+    ):
+        axes = ", ".join(f"at least 1 {a}" if isinstance(a, str) else str(a) for a in shape)
+        raise ValueError(f"{name} must have shape ({axes}), got {sizes}")
+    if str(weights.dtype).removeprefix("torch.") not in kinds:
+        raise ValueError(f"{name} must be {' or '.join(kinds)}, got {weights.dtype}")
+    finite = torch.isfinite(weights) if isinstance(weights, Tensor) else np.isfinite(weights)
+    if not bool(finite.all()):
+        raise ValueError(f"{name} must be finite, got NaN or infinity")
+
+
+def _is_number(value: object) -> TypeGuard[int | float]:
+    return isinstance(value, int | float) and not isinstance(value, bool)
