@@ -42,7 +42,7 @@ book: $(SET_UP)
 # The book is built beside the other tests: one thread each, or they wait for each other.
 test: export OMP_NUM_THREADS := 1
 test: $(SET_UP)
-	@echo "==> Testing: about 17 minutes on two cores (linter, library, book from scratch, browser)."
+	@echo "==> Testing: about 19 minutes on two cores (linter, library, book from scratch, browser)."
 	@$(MAKE) --no-print-directory lint
 	@$(BIN)/python -m pytest
 
