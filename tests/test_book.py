@@ -6,7 +6,7 @@ import importlib.resources
 import json
 import re
 import subprocess
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from functools import cache
 from pathlib import Path
 from urllib.parse import unquote, urldefrag, urlsplit
@@ -16,7 +16,9 @@ from bs4 import BeautifulSoup
 
 from vtlib.experiments.control import CAR_LAMBDAS, CAR_MGVT, CARTPOLE_MGVT
 from vtlib.experiments.experiment import COMPONENTS, PSIS, slider_lambdas
+from vtlib.experiments.mazes import MAZE_COMPONENTS, MAZE_LAMBDAS, MAZE_MGVT, MAZE_PSIS
 from vtlib.experiments.rooms import MGVT
+from vtlib.transfer import Settings
 
 ROOT = Path(__file__).resolve().parents[1]
 SYSTEM_PAGES = {"genindex.html", "search.html", "index.html"}
@@ -269,14 +271,20 @@ def test_sliders_are_named_and_move_with_the_keyboard(book: Path, address: str, 
 VISIBLE = "[...document.querySelectorAll('.widget-subarea img')].filter(i => i.offsetParent)"
 
 
-ROOMS = MGVT, slider_lambdas(MGVT), 1
-# The setting that each page's sliders start at, the values of lambda, and its slider panels.
+def panels_of(base: Settings, lambdas: Sequence[float], panels: int):
+    return base, lambdas, panels, PSIS, COMPONENTS
+
+
+ROOMS = panels_of(MGVT, slider_lambdas(MGVT), 1)
+# The setting that each page's sliders start at, the values of lambda, its slider panels, and the
+# values of psi and C.
 SETTINGS = {
+    "mazes": (MAZE_MGVT, MAZE_LAMBDAS, 2, MAZE_PSIS, MAZE_COMPONENTS),
     "rooms_evaluation": ROOMS,
     "rooms_distribution_change": ROOMS,
     "rooms_likelihood": ROOMS,
-    "cartpole": (CARTPOLE_MGVT, slider_lambdas(CARTPOLE_MGVT), 2),
-    "mountain_car": (CAR_MGVT, CAR_LAMBDAS, 2),
+    "cartpole": panels_of(CARTPOLE_MGVT, slider_lambdas(CARTPOLE_MGVT), 2),
+    "mountain_car": panels_of(CAR_MGVT, CAR_LAMBDAS, 2),
 }
 
 
@@ -285,9 +293,9 @@ SETTINGS = {
 def test_each_slider_shows_the_picture_of_its_setting(
     book: Path, address: str, page, name: str
 ) -> None:
-    base, lambdas, panels = SETTINGS[name]
-    values = [[f"lambda = {x:.0e}," for x in lambdas], [f"psi = {x:g}," for x in PSIS]]
-    values.append([f" {c} component" for c in COMPONENTS])
+    base, lambdas, panels, psis, components = SETTINGS[name]
+    values = [[f"lambda = {x:.0e}," for x in lambdas], [f"psi = {x:g}," for x in psis]]
+    values.append([f" {c} component" for c in components])
     for _ in open_everywhere(page, book, address, f"book/{name}.html"):
         page.wait_for_selector(".widget-slider .noUi-handle[aria-label]", state="attached")
         handles = page.locator(".widget-slider .noUi-handle").all()
@@ -308,6 +316,7 @@ MOMENTS = {
     "rooms_exploration": ((0, 50, 100), 2000, 1),
     "cartpole": ((0, 100, 200), 2000, 2),
     "mountain_car": ((0, 200, 500), 5000, 2),
+    "mazes": ((0, 250, 500), 5000, 2),
 }
 
 
