@@ -11,6 +11,7 @@ from vtlib.experiments.control import (
 from vtlib.experiments.deviations import ROOMS_CORNER, ROOMS_DEVIATIONS
 from vtlib.experiments.experiment import Experiment
 from vtlib.experiments.rooms import (
+    ROOMS_CALIBRATION,
     ROOMS_CHANGE,
     ROOMS_CHANGE_SLIDERS,
     ROOMS_EVALUATION,
@@ -31,6 +32,7 @@ __all__ = [
     "CAR_SLIDERS",
     "EXPERIMENTS",
     "POOLS",
+    "ROOMS_CALIBRATION",
     "ROOMS_CHANGE",
     "ROOMS_CHANGE_SLIDERS",
     "ROOMS_CORNER",
@@ -64,6 +66,7 @@ EXPERIMENTS = {
         CARTPOLE_COLLAPSE,
         CAR,
         CAR_SLIDERS,
+        ROOMS_CALIBRATION,
         ROOMS_DEVIATIONS,
         ROOMS_CORNER,
     )
