@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import torch
 
-from vtlib.coverage import LEVELS, inside, posterior_samples
+from vtlib.coverage import LEVELS, inside, posterior_samples, values_at
 
 RUNS, PAIRS, SAMPLES = 2, 4000, 2000
 
@@ -33,7 +33,7 @@ def drawn(spread: float, shift: float = 0.0) -> torch.Tensor:
     truth = shift + spread * torch.randn(RUNS, PAIRS, generator=g)
     action = torch.randint(2, (RUNS, PAIRS), generator=g)
     obs = torch.zeros(RUNS, PAIRS, 1)
-    return inside(Bandit(), posterior_samples(mu, L, noise), obs, action, truth)
+    return inside(values_at(Bandit(), posterior_samples(mu, L, noise), obs, action), truth)
 
 
 @pytest.mark.parametrize(("spread", "shift"), [(1.0, 0.0), (2.0, 0.0), (0.5, 0.0), (1.0, 1.5)])
@@ -61,5 +61,14 @@ def test_a_value_is_looked_up_by_its_action():
     weights = posterior_samples(mu, L, noise)
     action, truth = torch.tensor([[0, 1]]), torch.tensor([[0.0, 9.0]])
     obs = torch.zeros(1, 2, 1)
-    assert (inside(Bandit(), weights, obs, action, truth) == 1).all()
-    assert (inside(Bandit(), weights, obs, 1 - action, truth) == 0).all()
+    assert (inside(values_at(Bandit(), weights, obs, action), truth) == 1).all()
+    assert (inside(values_at(Bandit(), weights, obs, 1 - action), truth) == 0).all()
+
+
+def test_several_truths_are_counted_at_once():
+    g = torch.Generator().manual_seed(3)
+    values, truths = torch.randn(2, 50, 30, generator=g), torch.randn(4, 2, 30, generator=g)
+    together = inside(values, truths)
+    assert together.shape == (4, 2, len(LEVELS))
+    for one, shares in zip(truths, together, strict=True):
+        torch.testing.assert_close(inside(values, one), shares)

@@ -186,3 +186,4 @@ def test_the_density_counts_every_visit_in_its_cell(monkeypatch):
         assert share.sum() == pytest.approx(1)
         assert ax.images[0].origin == "lower"
     assert [ax.get_title("left") for ax in figure.axes[:2]] == ["ε-greedy", "GVT"]
+    assert len(density_figure(TINY, ["GVT"]).axes) == 2  # and the colour bar

@@ -11,6 +11,7 @@ import torch
 from torch import Tensor
 
 from vtlib.envs.rooms import Rooms
+from vtlib.mellow import mellowmax
 from vtlib.planning import Plan, gaussian_quadrature, make_grid, make_model, optimal_return, plan
 
 # Of the grid (1/6) and of 81 noises, on values of 0.7 to 0.85: seen at most 0.003.
@@ -179,6 +180,34 @@ def test_tasks_of_a_batch_are_planned_one_by_one() -> None:
     assert torch.equal(together, alone)
 
 
+def test_mellow_values_have_mellow_td_errors_of_mean_zero() -> None:
+    # kappa so small that the mean over actions is nowhere near the maximum
+    task, kappa, copies = Rooms.from_doors([[5.0]]), 3.0, 400
+    planned = plan(task, 0, sweeps=None, kappa=kappa)
+    g = np.random.default_rng(4)
+    states = torch.from_numpy(g.random((100, 2), np.float32)) * 10
+    action = torch.from_numpy(g.integers(0, Rooms.n_actions, 100))
+    noise = torch.from_numpy(g.standard_normal((100 * copies, 2), np.float32))
+    many = task.select([0] * 100 * copies)
+    repeated = states.repeat_interleave(copies, 0), action.repeat_interleave(copies)
+    reached, reward, terminal = many.step(*repeated, noise)
+    after = mellowmax(planned.q(reached), kappa, -1)
+    target = (reward + Rooms.gamma * ~terminal * after).view(100, copies)
+    error = target - planned.q(states).gather(1, action.unsqueeze(1))
+    mean, spread = mean_and_error(error.mean(1))
+    assert abs(mean) < 4 * spread + PLANNING_BIAS
+    loss = plan(task, 0, sweeps=None).value(states) - planned.value(states)
+    assert (loss >= -1e-6).all()
+    assert loss.mean() > 0.3
+
+
+def test_a_sharp_mellowmax_plans_the_optimal_values() -> None:
+    task = Rooms.from_doors([[5.0]])
+    states = torch.from_numpy(np.random.default_rng(5).random((50, 2), np.float32)) * 10
+    sharp = plan(task, 0, None, spacing=0.5, kappa=1e5).q(states)
+    torch.testing.assert_close(sharp, plan(task, 0, None, spacing=0.5).q(states), rtol=0, atol=3e-3)
+
+
 def test_starting_anywhere_is_better_than_starting_in_the_far_corner() -> None:
     task = Rooms.from_doors([[5.0]])
     assert optimal_return(replace(task, uniform_start=True)) > optimal_return(task)
@@ -199,6 +228,7 @@ def small() -> Plan:
         ({"spacing": float("nan")}, "spacing must lie in"),
         ({"quadrature": 1}, r"quadrature must lie in 2..50, got 1"),
         ({"tolerance": 0.0}, "tolerance must be at least"),
+        ({"kappa": 0.0}, "kappa must be positive"),
     ],
 )
 def test_bad_arguments(arguments: dict[str, float], message: str) -> None:

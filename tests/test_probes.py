@@ -38,22 +38,23 @@ WEIGHTS = np.random.default_rng(0).standard_normal((4, rooms_q().d)).astype(np.f
 def test_coverage_is_stored_at_each_evaluation_and_disturbs_nothing():
     for label in TINY.algorithms:
         arrays = run_batch(TINY, label, [0, 2], WEIGHTS)
-        assert arrays["inside"].shape == (2, 2, len(LEVELS))
-        assert (np.diff(arrays["inside"], axis=2) >= 0).all()
+        assert arrays["inside"].shape == (2, 2, 2, len(LEVELS))
+        assert (np.diff(arrays["inside"], axis=3) >= 0).all()
         plain = run_batch(replace(TINY, probes=0), label, [0, 2], WEIGHTS)
         assert "inside" not in plain
         np.testing.assert_array_equal(arrays["learning"], plain["learning"])
         np.testing.assert_array_equal(arrays["greedy"], plain["greedy"])
 
 
-def test_the_truth_is_the_planned_value_of_each_runs_own_task():
+def test_the_truths_are_the_planned_values_of_each_runs_own_task():
     tasks = targets(TINY, [0, 2])
-    probe = CoverageProbe(TINY, [0, 2], tasks)
+    probe = CoverageProbe(TINY, [0, 2], tasks, 50.0)
     for row in range(2):
-        values = plan(tasks, row, None).q(probe._obs[row])
-        expected = values[torch.arange(40), probe._action[row]]
-        torch.testing.assert_close(probe._truth[row], expected)
-    alone = CoverageProbe(TINY, [2], targets(TINY, [2]))
+        for which, kappa in enumerate((None, 50.0)):
+            values = plan(tasks, row, None, kappa=kappa).q(probe._obs[row])
+            expected = values[torch.arange(40), probe._action[row]]
+            torch.testing.assert_close(probe._truths[which, row], expected)
+    alone = CoverageProbe(TINY, [2], targets(TINY, [2]), 50.0)
     torch.testing.assert_close(alone._obs[0], probe._obs[1])
     assert set(probe._action.flatten().tolist()) == {0, 1, 2, 3}
 
@@ -62,15 +63,34 @@ def test_a_wide_posterior_covers_more_than_a_narrow_one():
     agent = prepare(TINY, "GVT", TINY.algorithms["GVT"], [0], WEIGHTS).agent
     shares = []
     for factor in (1e-3, 1e3):
-        probe = CoverageProbe(TINY, [0], targets(TINY, [0]))
+        probe = CoverageProbe(TINY, [0], targets(TINY, [0]), 100.0)
         agent._factors.L.copy_(factor * torch.eye(rooms_q().d))
         probe.look(agent)
-        shares.append(probe.shares[0, 0])
+        shares.append(probe.arrays["inside"][0, 0])
     assert (shares[0] < 0.1).all()
     assert (shares[1] > 0.9 * np.array(LEVELS)).all()
 
 
-def test_the_figure_has_a_panel_for_each_level():
-    arrays = {"iterations": np.arange(1, 4), "inside": np.random.default_rng(0).random((5, 3, 3))}
-    titles = [ax.get_title("left") for ax in coverage_figure({"GVT": arrays}).axes]
-    assert titles == [f"{level:.0%} intervals" for level in LEVELS]
+def test_the_error_is_that_of_the_posteriors_mean():
+    agent = prepare(TINY, "GVT", TINY.algorithms["GVT"], [0, 1], WEIGHTS).agent
+    probe = CoverageProbe(TINY, [0, 1], targets(TINY, [0, 1]), 100.0)
+    agent._factors.L.copy_(1e-6 * torch.eye(rooms_q().d))
+    probe.look(agent)
+    values = rooms_q().q(agent.mu.detach(), rooms_q().prepare(probe._obs))[:, 0]
+    chosen = values.gather(1, probe._action.unsqueeze(1)).squeeze(1)
+    found = probe.arrays
+    for which in range(2):
+        expected = (chosen - probe._truths[which]).mean(-1)
+        np.testing.assert_allclose(found["off"][:, 0, which], expected, atol=1e-4)
+    # both errors are of the same mean
+    apart = found["off"][:, 0] + found["truth"]
+    np.testing.assert_allclose(apart[:, 0], apart[:, 1], rtol=1e-5)
+
+
+def test_the_figure_has_a_panel_for_each_level_and_a_row_for_each_truth():
+    inside = np.random.default_rng(0).random((5, 3, 2, 3))
+    figure = coverage_figure({"GVT": {"iterations": np.arange(1, 4), "inside": inside}})
+    titles = [ax.get_title("left") for ax in figure.axes]
+    assert titles == [f"{level:.0%} intervals" for level in LEVELS] + [""] * 3
+    drawn = [ax.get_lines()[0].get_ydata() for ax in figure.axes]
+    np.testing.assert_allclose(drawn, inside.mean(0).transpose(1, 2, 0).reshape(6, 3))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import product
 
 import numpy as np
 import pytest
@@ -301,6 +302,22 @@ def test_the_p_value_of_few_pairs_is_what_counting_gives():
     a, b = np.array([0.0, 1.0]), np.array([10.0, 11.0])
     p = same_distribution_p(a, b, np.random.default_rng(5), 20_000)
     assert p == pytest.approx(0.5, abs=4 * 0.5 / np.sqrt(20_000))
+
+
+def test_equal_values_count_as_one_step():
+    # all 16 exchanges of four pairs of few different values, by the definition of the distance
+    rng = np.random.default_rng(6)
+    points = np.arange(3)
+    for _ in range(20):
+        pairs = rng.integers(0, 3, (4, 2)).astype(float)
+        distances = []
+        for turned in product((False, True), repeat=4):
+            x, y = np.where(np.array(turned)[:, None], pairs[:, ::-1], pairs).T
+            below = [(sample[:, None] <= points).sum(0) for sample in (x, y)]
+            distances.append(np.abs(below[0] - below[1]).max())
+        exact = np.mean(np.array(distances) >= distances[0])
+        p = same_distribution_p(*pairs.T, rng, 4000)
+        assert p == pytest.approx(exact, abs=4 * 0.5 / np.sqrt(4000) + 1e-3)
 
 
 @pytest.mark.parametrize(("a", "b"), [([1, 2], [1]), ([], []), ([[1, 2]], [[1, 2]])])

@@ -18,18 +18,21 @@ def posterior_samples(mu: Tensor, L: Tensor, noise: Tensor) -> Tensor:
     return (mu.unsqueeze(2) + noise @ L.transpose(-1, -2)).flatten(1, 2)
 
 
-def inside(q: QFunction, weights: Tensor, obs: Tensor, action: Tensor, truth: Tensor) -> Tensor:
-    """Share (R, levels) of true values that lie in the central intervals of sampled ones.
-
-    weights: (R, K, d) samples. obs (R, B, obs_dim), action (R, B) and truth (R, B) are the pairs of
-    state and action, and their values. A calibrated posterior's shares are the ``LEVELS``.
-    """
+def values_at(q: QFunction, weights: Tensor, obs: Tensor, action: Tensor) -> Tensor:
+    """Values (R, K, B) of weights (R, K, d) at states (R, B, obs_dim) and actions (R, B)."""
     values = q.q(weights, q.prepare(obs))
     index = action[:, None, None].expand(-1, values.shape[1], 1, -1)
-    values = values.gather(2, index).squeeze(2)
+    return values.gather(2, index).squeeze(2)
+
+
+def inside(values: Tensor, truth: Tensor) -> Tensor:
+    """Share (..., R, levels) of true values (..., R, B) in the central intervals of (R, K, B).
+
+    The shares of a calibrated posterior are the ``LEVELS``.
+    """
     shares = []
     for level in LEVELS:
         ends = torch.tensor([(1 - level) / 2, (1 + level) / 2])
         low, high = values.quantile(ends, dim=1)
-        shares.append(((truth >= low) & (truth <= high)).float().mean(1))
-    return torch.stack(shares, 1)
+        shares.append(((truth >= low) & (truth <= high)).float().mean(-1))
+    return torch.stack(shares, -1)

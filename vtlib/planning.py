@@ -10,7 +10,9 @@ from statistics import NormalDist
 import torch
 from torch import Tensor
 
+from vtlib.checks import check_positive
 from vtlib.envs.rooms import SIDE, Rooms
+from vtlib.mellow import mellowmax
 
 SPACING = 1 / 6
 QUADRATURE = 9
@@ -122,19 +124,21 @@ class Model:
     """The task as a finite Markov decision process over the grid's nodes.
 
     `transition` (A N, N) is sparse, its rows sum to at most one (a terminal step goes nowhere);
-    `reward` (A N,) is the expected reward; rows are ordered action by action.
+    `reward` (A N,) is the expected reward; rows are ordered action by action.  `kappa` None stands
+    for the maximum over actions, a number for its mellowmax (eq. 5.3).
     """
 
     transition: Tensor
     reward: Tensor
+    kappa: float | None = None
 
     def backup(self, value: Tensor) -> Tensor:
-        """Optimal Bellman backup: node values (N,) to better ones (N,)."""
-        q = self.reward + Rooms.gamma * (self.transition @ value)
-        return q.view(Rooms.n_actions, -1).amax(0)
+        """Bellman backup: node values (N,) to better ones (N,)."""
+        q = (self.reward + Rooms.gamma * (self.transition @ value)).view(Rooms.n_actions, -1)
+        return q.amax(0) if self.kappa is None else mellowmax(q, self.kappa, 0)
 
 
-def make_model(grid: Grid, noise: Tensor) -> Model:
+def make_model(grid: Grid, noise: Tensor, kappa: float | None = None) -> Model:
     """Average `Rooms.step` itself over the noises (K, 2), from every node with every action."""
     parts = [_transitions(grid, action, noise) for action in range(Rooms.n_actions)]
     counts, columns, values, reward = (torch.cat(part) for part in zip(*parts, strict=True))
@@ -146,7 +150,7 @@ def make_model(grid: Grid, noise: Tensor) -> Model:
         transition = torch.sparse_csr_tensor(
             starts, columns, values, (len(counts), len(grid.nodes)), check_invariants=False
         )
-    return Model(transition, reward)
+    return Model(transition, reward, kappa)
 
 
 def _transitions(grid: Grid, action: int, noise: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
@@ -178,7 +182,7 @@ def _transitions(grid: Grid, action: int, noise: Tensor) -> tuple[Tensor, Tensor
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """Optimal values of one task, for any state, by one step of `Rooms.step` and the grid's values.
+    """Values of one task, for any state, by one step of `Rooms.step` and the grid's values.
 
     `after` (T, N) holds the nodes' optimal values once the first of 1 to T steps to go is made; a
     plan for an endless episode has T = 1.  Where a method takes `steps_to_go`, None means all that
@@ -230,18 +234,20 @@ def plan(
     spacing: float = SPACING,
     quadrature: int = QUADRATURE,
     tolerance: float = 1e-6,
+    kappa: float | None = None,
 ) -> Plan:
     """Optimal values of task `index` with up to `sweeps` steps to go, or endlessly with None.
 
     `spacing` is the grid's in units of length, `quadrature` the number of noise points per axis;
-    endless sweeps stop when no value changes by more than `tolerance`.  Raises ValueError when
-    `index`, `sweeps`, `spacing`, `quadrature` or `tolerance` is out of range.  The task's doors may
-    lie on any device; the plan is made on the CPU.
+    endless sweeps stop when no value changes by more than `tolerance`.  With `kappa` the values are
+    those of the mellow Bellman operator (eq. 5.3) in place of the optimal ones.  Raises ValueError
+    when an argument is out of range.  The task's doors may lie on any device; the plan is made on
+    the CPU.
     """
-    _check_plan(len(tasks), index, sweeps, spacing, quadrature, tolerance)
+    _check_plan(len(tasks), index, sweeps, spacing, quadrature, tolerance, kappa)
     grid = make_grid(tasks.select([index]).to("cpu"), spacing)
     noise = gaussian_quadrature(quadrature)
-    model = make_model(grid, noise)
+    model = make_model(grid, noise, kappa)
     if sweeps is None:
         return Plan(grid, noise, _converge(model, tolerance)[None])
     after = torch.zeros(sweeps, len(grid.nodes))
@@ -291,6 +297,7 @@ def _check_plan(
     spacing: float,
     quadrature: int,
     tolerance: float,
+    kappa: float | None,
 ) -> None:
     if not 0 <= index < count:
         raise ValueError(f"index must lie in 0..{count - 1}, got {index}")
@@ -303,3 +310,5 @@ def _check_plan(
     # Below this float32 rounding may never settle.
     if not 1e-6 <= tolerance < math.inf:
         raise ValueError(f"tolerance must be at least 1e-06, got {tolerance}")
+    if kappa is not None:
+        check_positive("kappa", kappa)

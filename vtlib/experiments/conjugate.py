@@ -8,6 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 from matplotlib.figure import Figure
+from matplotlib.ticker import MultipleLocator
+from matplotlib.typing import LineStyleType
 from torch import Tensor
 
 from vtlib.gaussian import Gaussian, kl
@@ -18,8 +20,13 @@ from vtlib.streams import Stream
 from vtlib.transfer import PRIOR_JITTER, Settings, VariationalTransfer
 
 NAME, RUNS, INPUTS, NOISE = "conjugate", 10, 3, 0.5
+BAYES = 2 * NOISE**2  # the lambda at which the minimiser of eq. 5.2 is Bayes' posterior
 SOURCES = 6
-SHADES = ("#9ecae1", "#4292c6", "#08306b")
+LOOKS: tuple[tuple[str, LineStyleType], ...] = (
+    ("#08306b", "-"),
+    ("#4292c6", "--"),
+    ("#6baed6", ":"),
+)
 
 
 @dataclass(frozen=True)
@@ -64,7 +71,10 @@ def regression(count: int) -> Regression:
 
 
 def distances(settings: Settings, at: Sequence[int]) -> np.ndarray:
-    """KL (R, T) of the learned posterior to the exact one after some numbers of transitions."""
+    """KL (R, T, 2) of the learned posterior to the exact one after some numbers of transitions.
+
+    Its two parts: what is left when the covariances are equal, which the means cause, and the rest.
+    """
     task, runs = regression(max(at)), range(RUNS)
     streams = [Stream(NAME, runs, role) for role in ("posterior", "component", "replay")]
     agent = VariationalTransfer(MLP((INPUTS, 1)), task.sources, INPUTS, settings, *streams)
@@ -75,18 +85,34 @@ def distances(settings: Settings, at: Sequence[int]) -> np.ndarray:
         agent.learn(Transition(obs, action, task.reward[:, t], obs, terminal))
         if t + 1 in at:
             learned = Gaussian(agent.mu[:, 0].detach().double(), agent.L[:, 0].double())
-            found.append(kl(learned, task.exact(t + 1, settings.lambda_)))
+            exact = task.exact(t + 1, settings.lambda_)
+            centred = Gaussian(exact.mu, learned.L)
+            of_means = kl(Gaussian(learned.mu, exact.L), exact)
+            found.append(torch.stack([of_means, kl(centred, exact)], -1))
     return torch.stack(found, 1).numpy()
 
 
-def conjugate_figure(at: Sequence[int], each: Sequence[tuple[float, np.ndarray]]) -> Figure:
-    """The distance over transitions for each step size of L: (alpha_L, distances) pairs."""
+def conjugate_figure(at: Sequence[int], each: Sequence[tuple[Settings, np.ndarray]]) -> Figure:
+    """Both parts of the distance over transitions, for (settings, distances) of step sizes."""
     with look():
-        figure = BookFigure(figsize=(6.4, 3.4))
-        ax = figure.subplots()
-        for (alpha, found), shade in zip(each, SHADES, strict=True):
-            label = rf"$\alpha_L$ = {alpha:g}"
-            draw_curves(ax, [Curve(label, np.array(at), found, shade)])
-        ax.set(yscale="log", ylabel="KL to the exact posterior", xlabel="thousand transitions")
-        ax.legend()
+        figure = BookFigure(figsize=(7.6, 3.4))
+        axes = figure.subplots(1, 2, sharey=True)
+        for part, (ax, title) in enumerate(zip(axes, ("means", "covariances"), strict=True)):
+            curves = [
+                Curve(
+                    rf"$\alpha_\mu$ = {s.alpha_mu:g}, $\alpha_L$ = {s.alpha_L:g}",
+                    np.array(at),
+                    np.log10(found[..., part]),
+                    shade,
+                    style,
+                )
+                for (s, found), (shade, style) in zip(each, LOOKS, strict=True)
+            ]
+            draw_curves(ax, curves)
+            ax.set(title=f"part of the {title}", xlabel="thousand transitions")
+            # the mean of logarithms: its interval stays positive
+            ax.yaxis.set_major_formatter(lambda x, _: f"$10^{{{x:g}}}$")
+            ax.yaxis.set_major_locator(MultipleLocator(1))
+        axes[0].set_ylabel("KL to the exact posterior")
+        figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
     return figure

@@ -122,7 +122,7 @@ def snapshot_picture(
     iteration = next(iter(shown.values())).iteration
     with look():
         figure = BookFigure(figsize=(7.6, 3.6))
-        axes = figure.subplots(1, len(shown), sharey=True)
+        axes = figure.subplots(1, len(shown), sharey=True, squeeze=False)[0]
         for ax, (label, snapshot) in zip(axes, shown.items(), strict=True):
             image = _draw(ax, plane, snapshot)
             ax.set(title=label, xlabel=plane.labels[0])

@@ -34,7 +34,7 @@ def counts_figure(
     """
     with look():
         figure = BookFigure(figsize=(7.6, 3.5))
-        axes = figure.subplots(1, len(iterations), sharey=True)
+        axes = figure.subplots(1, len(iterations), sharey=True, squeeze=False)[0]
         shown = [(label, label, STYLES.get(label, "-")) for label in labels]
         shown += [(label, other, (0, (2, 1))) for label, other in dashed.items()]
         for ax, iteration in zip(axes, iterations, strict=True):

@@ -46,7 +46,7 @@ def overlay_figure(experiment: Experiment, labels: Sequence[str], run: int = 0) 
     behind = visited(experiment.name, "NT")[run]
     with look():
         figure = BookFigure(figsize=(7.6, 3.9))
-        axes = figure.subplots(1, len(labels))
+        axes = figure.subplots(1, len(labels), squeeze=False)[0]
         for ax, label in zip(axes, labels, strict=True):
             draw_rooms(ax, tasks, start_color="black")
             ax.plot(*behind.T, ".", ms=3, color="#b0b0b0", label="ε-greedy")
@@ -63,7 +63,7 @@ def density_figure(experiment: Experiment, labels: Sequence[str]) -> Figure:
     edges = np.arange(SIDE + 1)
     with look():
         figure = BookFigure(figsize=(7.6, 2.9))
-        axes = figure.subplots(1, len(labels))
+        axes = figure.subplots(1, len(labels), squeeze=False)[0]
         for ax, label in zip(axes, labels, strict=True):
             at = visited(experiment.name, label)
             x, y = at.reshape(-1, 2).T

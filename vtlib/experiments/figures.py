@@ -90,7 +90,7 @@ def environment_figure(doors: Sequence[Sequence[float]], experiment: str, walks:
     """Rooms tasks with a few walks of the planned optimal policy, drawn from the environment."""
     tasks = Rooms.from_doors(doors)
     figure = BookFigure(figsize=(7.6, 2.9), layout="constrained")
-    axes = figure.subplots(1, len(tasks))
+    axes = figure.subplots(1, len(tasks), squeeze=False)[0]
     for index, ax in enumerate(axes):
         draw_rooms(ax, tasks, index)
         for path in optimal_walks(tasks, index, walks, experiment):
@@ -151,7 +151,7 @@ def distance_figure(name: str, labels: Sequence[str]) -> Figure:
     distance = door_distance(name)
     with look():
         figure = BookFigure(figsize=(7.6, 3.0))
-        axes = figure.subplots(1, len(labels), sharey=True)
+        axes = figure.subplots(1, len(labels), sharey=True, squeeze=False)[0]
         for ax, label in zip(axes, labels, strict=True):
             runs = returns(name, label)
             share = runs.learning[:, -1] / runs.optimum

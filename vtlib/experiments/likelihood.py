@@ -58,7 +58,7 @@ def likelihood_figure(
     """Mean share of the optimum with its interval, task by task, at some iterations."""
     with look():
         figure = BookFigure(figsize=(7.6, 3.4))
-        axes = figure.subplots(1, len(iterations), sharey=True)
+        axes = figure.subplots(1, len(iterations), sharey=True, squeeze=False)[0]
         for ax, iteration in zip(axes, iterations, strict=True):
             for label in labels:
                 shares = share_by_task(experiment, label, iteration)
@@ -74,7 +74,7 @@ def starts_figure(
     """Task by task at an iteration: algorithms as above, and dashed from their other start."""
     with look():
         figure = BookFigure(figsize=(7.6, 3.4))
-        axes = figure.subplots(1, len(starts), sharey=True)
+        axes = figure.subplots(1, len(starts), sharey=True, squeeze=False)[0]
         for ax, (label, other) in zip(axes, starts.items(), strict=True):
             shares = share_by_task(experiment, label, iteration)
             draw_tasks(ax, label, task_likelihood(experiment), shares, "-")

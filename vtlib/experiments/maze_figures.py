@@ -100,7 +100,7 @@ def covariance_figure(experiments: Mapping[str, Experiment]) -> Figure:
     """Learning return of 1-MGVT with full and with diagonal covariance, a panel per target."""
     with look():
         figure = BookFigure(figsize=(7.6, 2.7))
-        axes = figure.subplots(1, len(experiments), sharey=True)
+        axes = figure.subplots(1, len(experiments), sharey=True, squeeze=False)[0]
         for ax, experiment in zip(axes, experiments.values(), strict=True):
             full, diagonal = (returns(experiment.name, x) for x in ("1-MGVT", DIAGONAL))
             narrow = DIAGONAL_COLOUR, DIAGONAL_STYLE

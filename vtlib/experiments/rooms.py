@@ -39,6 +39,7 @@ ROOMS_CALIBRATION = replace(
     ROOMS_EVALUATION,
     name="rooms-calibration",
     algorithms={label: ROOMS_EVALUATION.algorithms[label] for label in ("3-MGVT", "GVT", "1-MGVT")},
+    every=500,
     probes=500,
 )
 

@@ -19,7 +19,7 @@ from vtlib.experiments.probes import CoverageProbe
 from vtlib.sources import check_pool_weights, draw_tasks
 from vtlib.streams import Stream, generator
 from vtlib.training import FINGERPRINTS, Agent, train
-from vtlib.transfer import VariationalTransfer
+from vtlib.transfer import Settings, VariationalTransfer
 
 EVALUATION_EPISODES = 10
 
@@ -110,10 +110,13 @@ def run_batch(
     progress: Callable[[int], bool] | None = None,
 ) -> dict[str, np.ndarray]:
     """Train some runs of the algorithm of that label to the experiment's end: arrays to store."""
-    batch = prepare(experiment, label, experiment.algorithms[label], runs, pool)
-    probe = (
-        CoverageProbe(experiment, runs, targets(experiment, runs)) if experiment.probes else None
-    )
+    algorithm = experiment.algorithms[label]
+    batch = prepare(experiment, label, algorithm, runs, pool)
+    probe = None
+    if experiment.probes:
+        assert isinstance(algorithm, Settings)  # as the experiment has checked
+        tasks = targets(experiment, runs)
+        probe = CoverageProbe(experiment, runs, tasks, algorithm.kappa)
 
     def evaluate(mu: Tensor) -> Tensor:
         if probe is not None:
@@ -139,7 +142,7 @@ def run_batch(
     if isinstance(batch.episodes, RecordedEpisodes):
         arrays["visited"] = batch.episodes.visited.numpy()
     if probe is not None:
-        arrays["inside"] = probe.shares
+        arrays |= probe.arrays
     return arrays
 
 
