@@ -11,7 +11,7 @@ from html.parser import HTMLParser
 import matplotlib as mpl
 import numpy as np
 import pytest
-from matplotlib.collections import FillBetweenPolyCollection
+from matplotlib.collections import PolyCollection
 from matplotlib.colors import to_hex, to_rgb
 from matplotlib.figure import Figure
 from PIL import Image
@@ -147,7 +147,7 @@ def test_a_figure_draws_the_mean_and_its_band(figure):
         line = next(x for x in ax.get_lines() if x.get_label() == "NT")
         np.testing.assert_allclose(line.get_xydata(), np.stack([ITERATIONS, band.centre], 1))
         assert to_hex(line.get_color()) == drawn.colour.lower()
-        shade = next(x for x in ax.collections if isinstance(x, FillBetweenPolyCollection))
+        shade = next(x for x in ax.collections if isinstance(x, PolyCollection))
         assert to_hex(shade.get_facecolor()[0]) == drawn.colour.lower()
         assert 0 < shade.get_facecolor()[0, 3] < 0.5
         corners = shade.get_paths()[0].vertices
