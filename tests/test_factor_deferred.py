@@ -99,6 +99,38 @@ def test_clipping_in_the_middle_of_what_is_put_off():
     assert not torch.allclose(free.L, held.L, rtol=0, atol=1e-4)
 
 
+@pytest.mark.parametrize("kind", ["isotropic", "low rank"])
+@pytest.mark.parametrize("strength", [0.0, 3.0])
+def test_clipping_that_binds_in_few_rows(monkeypatch, kind, strength):
+    def refuse(*arguments):
+        pytest.fail("all of the gradient was written out")
+
+    monkeypatch.setattr(DeferredFactors, "_clipped_step", refuse)
+    monkeypatch.setattr(factor_deferred, "LEAST_SCALE", 0.9)
+    rows = [0, 5, PANEL, 2 * PANEL - 1, D - 1]
+    deferred, plain = pair(kind, D, clip=100.0)
+    free, _ = pair(kind, D, clip=1e9)
+    for t in range(4 * AHEAD):
+        if t % AHEAD == 0:
+            noise, gradients = draws(t, D, 0.3)
+            # in one member at most steps, in both at some, in the last row by an infinity
+            gradients[1:, 0, :, rows[:-1]] *= 1000.0
+            gradients[5, 1, 0, rows[1:]] *= -1000.0
+            gradients[6, 1, 1, rows[-1]] = torch.inf
+            deferred.look_ahead(noise)
+        plain.look_ahead(noise[t % AHEAD : t % AHEAD + 1])
+        expected = plain.product(0)
+        close = 2e-5 * float(expected.abs().max())
+        torch.testing.assert_close(deferred.product(t % AHEAD), expected, rtol=0, atol=close)
+        for each in (deferred, plain):
+            each.step(gradients[t % AHEAD], noise[t % AHEAD, :, 1:], strength / (t + 1))
+        if t < 6:
+            free.step(gradients[t], noise[t, :, 1:], strength / (t + 1))
+    close = 2e-5 * float(plain.L.abs().max())
+    torch.testing.assert_close(deferred.L, plain.L, rtol=0, atol=close)
+    assert float((free.L - plain.L).abs().max()) > 1
+
+
 def test_a_maze_posterior_takes_little_more_memory_than_its_factor():
     d, weights = 1891, 10
     member = DeferredFactors(torch.eye(d).unsqueeze(0), Precision(1e5), 1e-6, 1e-4, CLIP)

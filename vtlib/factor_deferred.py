@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import torch
 from torch import Tensor
 from torch.nn.functional import pad
@@ -12,6 +14,21 @@ AHEAD = 8  # iterations whose noise is drawn at once, after which what was put o
 PANEL = 64  # the diagonal blocks, kept up to date at each step, are about this wide
 STRIP = 4  # panels that are multiplied with noise at once
 LEAST_SCALE = 0.25  # a smaller running factor on L is applied at once, before digits are lost
+LOOSE = 0.01  # of the clip; if a bound on the KL's part is larger, the largest entry is looked up
+MANY = 0.2  # of all rows: if clipping may bind in more, the whole gradient is written out
+
+
+class _Rows(NamedTuple):
+    """What a clipped step adds to rows of member m, left of the diagonal, and sets on it.
+
+    panel, at (n,): where the rows lie. change: (P, n, width). diagonal: (n,).
+    """
+
+    m: int
+    panel: Tensor
+    at: Tensor
+    change: Tensor
+    diagonal: Tensor
 
 
 class DeferredFactors:
@@ -31,6 +48,7 @@ class DeferredFactors:
     _U: Tensor
     _V: Tensor
     _below: Tensor  # what W^T L owes to the blocks below the diagonal
+    _largest: float  # no entry of L is larger
     _ahead: Tensor | None  # low z for the noise to come, None until it is asked for
 
     def __init__(
@@ -74,7 +92,8 @@ class DeferredFactors:
 
     def step(self, gradients: Tensor, noise: Tensor, kl_weight: float) -> None:
         """One SGD step; the TD part of the gradient is sum_k gradients_k noise_k^T, (M, n, d)."""
-        if self._may_clip(gradients, noise, kl_weight):
+        over = self._rows_that_may_clip(gradients, noise, kl_weight)
+        if over is not None and float(over.float().mean()) > MANY:
             self._clipped_step(gradients, noise, kl_weight)
             return
         pull = self._alpha * kl_weight
@@ -83,8 +102,11 @@ class DeferredFactors:
         if self._columns is not None:
             left = torch.cat([left, self._columns * pull], 2)
             right = torch.cat([right, self._columns_times_L(self._columns)], 2)
+        clipped = [] if over is None else self._clip_rows(over, left, right, shrink, pull)
         self._step_diagonal(left, right, shrink, pull)
         self._put_off(left, right, shrink)
+        for rows in clipped:
+            self._add_rows(rows)
 
     def _step_diagonal(self, left: Tensor, right: Tensor, shrink: float, pull: float) -> None:
         diagonal = self._diag.diagonal(dim1=1, dim2=2)
@@ -150,8 +172,76 @@ class DeferredFactors:
         product: Tensor = current.unflatten(0, columns.shape[:2])
         return product.add_(self._below)
 
+    def _rows_that_may_clip(
+        self, gradients: Tensor, noise: Tensor, kl_weight: float
+    ) -> Tensor | None:
+        """Rows (M, d) of L whose gradient could exceed the clip, by bounds that cost O(n d)."""
+        sizes, reach = gradients.abs(), noise.abs().amax(-1)
+        td = float((sizes.amax(-1) * reach).sum(-1).max())
+        # a column of L meets all of W W^T
+        wide = 1.0 if self._precision.W is None else self._d**0.5
+        pull = kl_weight * self._precision.scale * wide
+        if pull * self._largest > LOOSE * self._clip:
+            self._largest = float(self.L.abs().max())
+        kl = kl_weight / self._sigma_min + pull * self._largest
+        # an upper bound on the entries from here on, without reading L
+        self._largest += self._alpha * min(td + kl, self._clip)
+        if td + kl <= self._clip:
+            return None
+        return ~((sizes * reach.unsqueeze(-1)).sum(1) + kl <= self._clip)
+
+    def _clip_rows(
+        self, over: Tensor, left: Tensor, right: Tensor, shrink: float, pull: float
+    ) -> list[_Rows]:
+        """Take those rows out of the step's outer products; what to add to them instead."""
+        found = []
+        columns = torch.arange(self._padded).view(self._panels, 1, self._width)
+        for m in over.any(1).nonzero().flatten().tolist():
+            row = over[m].nonzero().flatten()
+            panel, at = row // self._width, row % self._width
+            L = self._rows_of_L(m, panel, at)
+            products = left[m][panel, :, at] @ right[m]
+            left[m, panel, :, at] = 0.0
+            step = products.add_(L, alpha=shrink - 1)
+            own = panel, torch.arange(len(row)), at
+            step[own] += pull / L[own]
+            step = step.clamp_(-self._alpha * self._clip, self._alpha * self._clip)
+            diagonal = (L[own] + step[own]).clamp_(min=self._sigma_min)
+            change = step.add_(L, alpha=1 - shrink).mul_(columns < row.unsqueeze(-1))
+            found.append(_Rows(m, panel, at, change, diagonal))
+        return found
+
+    def _rows_of_L(self, m: int, panel: Tensor, at: Tensor) -> Tensor:
+        """Rows of one member's L, in blocks (P, rows, width)."""
+        low = self._low[m, panel * self._width + at]
+        rows: Tensor = low.unflatten(-1, (self._panels, self._width)).transpose(0, 1)
+        if self._pending:
+            U, V = (x[m][:, : self._pending] for x in (self._U, self._V))
+            rows = rows + U[panel, :, at] @ V
+        below = torch.arange(self._panels).unsqueeze(-1) < panel
+        rows = (rows * self._scale).mul_(below.unsqueeze(-1))
+        blocks = self._diag.unflatten(0, (self._count, self._panels))
+        rows[panel, torch.arange(len(at))] = blocks[m, panel, at]
+        return rows
+
+    def _add_rows(self, rows: _Rows) -> None:
+        """Add to rows of one member's L below the diagonal, and set their diagonal entries."""
+        m, panel, at, change, diagonal = rows
+        blocks = self._diag.unflatten(0, (self._count, self._panels))
+        blocks[m, panel, at] += change[panel, torch.arange(len(at))]
+        blocks[m, panel, at, at] = diagonal
+        below = torch.arange(self._panels).unsqueeze(-1) < panel
+        change = change * below.unsqueeze(-1)
+        if self._columns is not None:
+            self._below[m] += self._columns[m][panel, :, at].T @ change
+        change /= self._scale
+        self._low[m, panel * self._width + at] += change.transpose(0, 1).flatten(1)
+        if self._ahead is not None:
+            later = (self._noise[:, m] @ change.transpose(1, 2)).sum(1)  # (B, k, rows)
+            self._ahead[:, m][:, panel, :, at] += later.permute(2, 0, 1)
+
     def _clipped_step(self, gradients: Tensor, noise: Tensor, kl_weight: float) -> None:
-        """The same step with the gradient written out, for the rare case that clipping binds."""
+        """The same step with the gradient written out, where clipping may bind in many rows."""
         L = self.L
         gradient = torch.bmm(gradients.transpose(1, 2), noise)
         gradient.add_(self._precision.times(L), alpha=kl_weight)
@@ -172,20 +262,6 @@ class DeferredFactors:
         if self._columns is not None:
             self._below = self._blocks(self._rows(self._columns, self._padded) @ low)
         self._largest = max(float(self._low.abs().max()), float(self._diag.abs().max()))
-
-    def _may_clip(self, gradients: Tensor, noise: Tensor, kl_weight: float) -> bool:
-        """Whether an entry of the gradient could exceed the clip, by bounds that cost O(n d)."""
-        reach = gradients.abs().amax(-1).mul_(noise.abs().amax(-1)).sum(-1)
-        td = float(reach.max()) + kl_weight / self._sigma_min
-        # a column of L meets all of W W^T
-        wide = 1.0 if self._precision.W is None else self._d**0.5
-        pull = kl_weight * self._precision.scale * wide
-        if not td + pull * self._largest <= self._clip:
-            self._largest = float(self.L.abs().max())
-        may = not td + pull * self._largest <= self._clip
-        # an upper bound on the entries from here on, without reading L
-        self._largest += self._alpha * (td + pull * self._largest)
-        return may
 
     def _diagonal_blocks(self, matrix: Tensor) -> Tensor:
         """View (M, width, width, P) of the diagonal blocks of (M, padded, padded)."""
