@@ -99,24 +99,31 @@ def test_clipping_in_the_middle_of_what_is_put_off():
     assert not torch.allclose(free.L, held.L, rtol=0, atol=1e-4)
 
 
+FEW, HALF = [0, 5, PANEL, 2 * PANEL - 1, D - 1], range(0, D, 2)
+
+
 @pytest.mark.parametrize("kind", ["isotropic", "low rank"])
 @pytest.mark.parametrize("strength", [0.0, 3.0])
-def test_clipping_that_binds_in_few_rows(monkeypatch, kind, strength):
-    def refuse(*arguments):
-        pytest.fail("all of the gradient was written out")
-
-    monkeypatch.setattr(DeferredFactors, "_clipped_step", refuse)
+@pytest.mark.parametrize(
+    ("first", "rows", "unused"),
+    [(FEW, FEW, "_write_out"), (HALF, HALF, "_clip_rows"), (FEW, HALF, None), (HALF, FEW, None)],
+    ids=["in few rows", "in half of them", "in few, then in many", "in many, then in few"],
+)
+def test_clipping_that_binds(monkeypatch, kind, strength, first, rows, unused):
+    if unused:
+        monkeypatch.setattr(DeferredFactors, unused, None)
     monkeypatch.setattr(factor_deferred, "LEAST_SCALE", 0.9)
-    rows = [0, 5, PANEL, 2 * PANEL - 1, D - 1]
     deferred, plain = pair(kind, D, clip=100.0)
     free, _ = pair(kind, D, clip=1e9)
     for t in range(4 * AHEAD):
         if t % AHEAD == 0:
             noise, gradients = draws(t, D, 0.3)
-            # in one member at most steps, in both at some, in the last row by an infinity
-            gradients[1:, 0, :, rows[:-1]] *= 1000.0
+            # in one member at many steps, in both at some, in the last row by an infinity
+            gradients[1:3, 0, :, first[:-1]] *= 1000.0
+            gradients[5:, 0, :, rows[:-1]] *= 1000.0
             gradients[5, 1, 0, rows[1:]] *= -1000.0
             gradients[6, 1, 1, rows[-1]] = torch.inf
+            gradients[6, 1, 1, rows[:-1]] *= 1000.0
             deferred.look_ahead(noise)
         plain.look_ahead(noise[t % AHEAD : t % AHEAD + 1])
         expected = plain.product(0)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import torch
@@ -15,7 +16,7 @@ PANEL = 64  # the diagonal blocks, kept up to date at each step, are about this 
 STRIP = 4  # panels that are multiplied with noise at once
 LEAST_SCALE = 0.25  # a smaller running factor on L is applied at once, before digits are lost
 LOOSE = 0.01  # of the clip; if a bound on the KL's part is larger, the largest entry is looked up
-MANY = 0.2  # of all rows: if clipping may bind in more, the whole gradient is written out
+MANY = 0.04  # of a member's rows: if clipping may bind in more, its whole gradient is written out
 
 
 class _Rows(NamedTuple):
@@ -29,6 +30,17 @@ class _Rows(NamedTuple):
     at: Tensor
     change: Tensor
     diagonal: Tensor
+
+
+class _Whole(NamedTuple):
+    """Outer products (P, n, width) that member m keeps to itself, and its blocks (P, width, width).
+
+    The blocks are those on the diagonal of L before the step.
+    """
+
+    m: int
+    left: Tensor
+    blocks: Tensor
 
 
 class DeferredFactors:
@@ -49,6 +61,8 @@ class DeferredFactors:
     _V: Tensor
     _below: Tensor  # what W^T L owes to the blocks below the diagonal
     _largest: float  # no entry of L is larger
+    _noted: set[int]  # members with columns other than zero
+    _stale: set[int]  # members for which ``_ahead`` has to be looked up anew at each draw
     _ahead: Tensor | None  # low z for the noise to come, None until it is asked for
 
     def __init__(
@@ -81,11 +95,16 @@ class DeferredFactors:
 
     def product(self, at: int) -> Tensor:
         """L z (M, k, d) with the present L, for the draw ``at`` of the last ``look_ahead``."""
-        if self._ahead is None:
-            self._ahead = self._low_times_noise()
+        ahead = self._ahead
+        if ahead is None:
+            ahead = self._low_times(self._noise, slice(None))
+            self._ahead, self._stale = ahead, set()
+        for m in self._stale:
+            alone = slice(m, m + 1)
+            ahead[at, m] = self._low_times(self._noise[at : at + 1, alone], alone)[0, 0]
         z = self._noise[at].flatten(0, 1)
         out = torch.bmm(z, self._diag.transpose(1, 2)).unflatten(0, (self._count, self._panels))
-        out.add_(self._ahead[at], alpha=self._scale)
+        out.add_(ahead[at], alpha=self._scale)
         if self._pending:
             out.add_(self._put_off_times(z), alpha=self._scale)
         return self._rows(out, self._d)
@@ -93,20 +112,21 @@ class DeferredFactors:
     def step(self, gradients: Tensor, noise: Tensor, kl_weight: float) -> None:
         """One SGD step; the TD part of the gradient is sum_k gradients_k noise_k^T, (M, n, d)."""
         over = self._rows_that_may_clip(gradients, noise, kl_weight)
-        if over is not None and float(over.float().mean()) > MANY:
-            self._clipped_step(gradients, noise, kl_weight)
-            return
         pull = self._alpha * kl_weight
         shrink = 1 - pull * self._precision.scale
         left, right = self._blocks(gradients * -self._alpha), self._blocks(noise)
         if self._columns is not None:
             left = torch.cat([left, self._columns * pull], 2)
             right = torch.cat([right, self._columns_times_L(self._columns)], 2)
-        clipped = [] if over is None else self._clip_rows(over, left, right, shrink, pull)
+        few, many = ([], []) if over is None else _few_and_many(over)
+        changes = [self._clip_rows(m, over[m], left, right, shrink, pull) for m in few]
+        wholes = [self._take_out(m, left) for m in many]
         self._step_diagonal(left, right, shrink, pull)
-        self._put_off(left, right, shrink)
-        for rows in clipped:
+        self._put_off(left, right, shrink, many)
+        for rows in changes:
             self._add_rows(rows)
+        for whole in wholes:
+            self._write_out(whole, right, shrink, pull)
 
     def _step_diagonal(self, left: Tensor, right: Tensor, shrink: float, pull: float) -> None:
         diagonal = self._diag.diagonal(dim1=1, dim2=2)
@@ -115,8 +135,11 @@ class DeferredFactors:
         self._diag.tril_()
         diagonal.add_(push).clamp_(min=self._sigma_min)
 
-    def _put_off(self, left: Tensor, right: Tensor, shrink: float) -> None:
-        """Note the outer products (M, P, n, width) of a step for the blocks below the diagonal."""
+    def _put_off(self, left: Tensor, right: Tensor, shrink: float, none: Sequence[int]) -> None:
+        """Note the outer products (M, P, n, width) of a step for the blocks below the diagonal.
+
+        Those of some members are all zero.
+        """
         if self._columns is not None:
             later = _sums_after(self._columns @ left.transpose(2, 3))
             self._below.mul_(shrink).add_(later @ right)
@@ -132,6 +155,7 @@ class DeferredFactors:
         self._U[:, :, span] = left / self._scale
         self._V[:, :, span] = right
         self._pending += added
+        self._noted |= set(range(self._count)) - set(none)
 
     def _put_off_times(self, z: Tensor) -> Tensor:
         """What the noted outer products add to L z, in blocks (M, P, k, width)."""
@@ -154,16 +178,18 @@ class DeferredFactors:
         elif factor != 1.0:
             self._low.mul_(factor)
         self._scale, self._pending, self._ahead = 1.0, 0, None
+        self._noted, self._stale = set(), set()
 
-    def _low_times_noise(self) -> Tensor:
-        """low z for all noise ahead, in blocks (B, M, P, k, width)."""
-        draws, _, _, k, _ = self._noise.shape
-        flat = self._noise.permute(1, 0, 3, 2, 4).reshape(self._count, draws * k, self._padded)
+    def _low_times(self, noise: Tensor, members: slice) -> Tensor:
+        """low z of some members for noise (B, M', P, k, width), in such blocks."""
+        low = self._low[members]
+        draws, _, _, k, _ = noise.shape
+        flat = noise.permute(1, 0, 3, 2, 4).reshape(len(low), draws * k, self._padded)
         out = torch.empty_like(flat)
         for start in range(0, self._padded, STRIP * self._width):
             end = min(start + STRIP * self._width, self._padded)
-            out[:, :, start:end] = torch.bmm(flat[:, :, :end], self._low[:, start:end, :end].mT)
-        shape = self._count, draws, k, self._panels, self._width
+            out[:, :, start:end] = torch.bmm(flat[:, :, :end], low[:, start:end, :end].mT)
+        shape = len(low), draws, k, self._panels, self._width
         return out.view(shape).permute(1, 0, 3, 2, 4).contiguous()
 
     def _columns_times_L(self, columns: Tensor) -> Tensor:
@@ -191,25 +217,22 @@ class DeferredFactors:
         return ~((sizes * reach.unsqueeze(-1)).sum(1) + kl <= self._clip)
 
     def _clip_rows(
-        self, over: Tensor, left: Tensor, right: Tensor, shrink: float, pull: float
-    ) -> list[_Rows]:
-        """Take those rows out of the step's outer products; what to add to them instead."""
-        found = []
+        self, m: int, over: Tensor, left: Tensor, right: Tensor, shrink: float, pull: float
+    ) -> _Rows:
+        """Take rows of a member out of the step's outer products; what to add to them instead."""
+        row = over.nonzero().flatten()
+        panel, at = row // self._width, row % self._width
+        L = self._rows_of_L(m, panel, at)
+        step = left[m][panel, :, at] @ right[m]
+        left[m, panel, :, at] = 0.0
+        step.add_(L, alpha=shrink - 1)
+        own = panel, torch.arange(len(row)), at
+        step[own] += pull / L[own]
+        step.clamp_(-self._alpha * self._clip, self._alpha * self._clip)
+        diagonal = (L[own] + step[own]).clamp_(min=self._sigma_min)
         columns = torch.arange(self._padded).view(self._panels, 1, self._width)
-        for m in over.any(1).nonzero().flatten().tolist():
-            row = over[m].nonzero().flatten()
-            panel, at = row // self._width, row % self._width
-            L = self._rows_of_L(m, panel, at)
-            products = left[m][panel, :, at] @ right[m]
-            left[m, panel, :, at] = 0.0
-            step = products.add_(L, alpha=shrink - 1)
-            own = panel, torch.arange(len(row)), at
-            step[own] += pull / L[own]
-            step = step.clamp_(-self._alpha * self._clip, self._alpha * self._clip)
-            diagonal = (L[own] + step[own]).clamp_(min=self._sigma_min)
-            change = step.add_(L, alpha=1 - shrink).mul_(columns < row.unsqueeze(-1))
-            found.append(_Rows(m, panel, at, change, diagonal))
-        return found
+        change = step.add_(L, alpha=1 - shrink).mul_(columns < row.unsqueeze(-1))
+        return _Rows(m, panel, at, change, diagonal)
 
     def _rows_of_L(self, m: int, panel: Tensor, at: Tensor) -> Tensor:
         """Rows of one member's L, in blocks (P, rows, width)."""
@@ -240,13 +263,44 @@ class DeferredFactors:
             later = (self._noise[:, m] @ change.transpose(1, 2)).sum(1)  # (B, k, rows)
             self._ahead[:, m][:, panel, :, at] += later.permute(2, 0, 1)
 
-    def _clipped_step(self, gradients: Tensor, noise: Tensor, kl_weight: float) -> None:
-        """The same step with the gradient written out, where clipping may bind in many rows."""
-        L = self.L
-        gradient = torch.bmm(gradients.transpose(1, 2), noise)
-        gradient.add_(self._precision.times(L), alpha=kl_weight)
-        gradient.diagonal(dim1=1, dim2=2).sub_(kl_weight / L.diagonal(dim1=1, dim2=2))
-        self._set(L.sub_(gradient.clamp_(-self._clip, self._clip).tril_(), alpha=self._alpha))
+    def _take_out(self, m: int, left: Tensor) -> _Whole:
+        """Take a member out of the step's outer products, and bring its L up to date."""
+        if m in self._noted:
+            right = self._rows(self._V[m : m + 1, :, : self._pending], self._padded)[0]
+            for panel in range(1, self._panels):
+                edge = panel * self._width
+                low = self._low[m, edge : edge + self._width, :edge]
+                low.addmm_(self._U[m, panel, : self._pending].T, right[:, :edge])
+            self._U[m, :, : self._pending] = 0.0
+            self._noted.discard(m)
+        blocks = self._diag.unflatten(0, (self._count, self._panels))
+        whole = _Whole(m, left[m].clone(), blocks[m].clone())
+        left[m] = 0.0
+        return whole
+
+    def _write_out(self, whole: _Whole, right: Tensor, shrink: float, pull: float) -> None:
+        """The step of one member with its gradient written out, a panel at a time."""
+        m, left, diagonal_blocks = whole
+        most = self._alpha * self._clip
+        bound, above = most / self._scale, left.mT / self._scale
+        rows = self._rows(right[m : m + 1], self._padded)[0]
+        owed = rows.new_zeros(0 if self._columns is None else self._columns.shape[2], self._padded)
+        for panel in range(1, self._panels):
+            edge = panel * self._width
+            low = self._low[m, edge : edge + self._width, :edge]  # by now shrunk
+            step = torch.addmm(low, above[panel], rows[:, :edge], beta=(shrink - 1) / shrink)
+            torch.add(step.clamp_(-bound, bound), low, alpha=1 / shrink, out=low)
+            if self._columns is not None:
+                owed[:, :edge].addmm_(self._columns[m, panel], low, alpha=self._scale)
+        if self._columns is not None:
+            self._below[m] = self._blocks(owed)
+        step = left.mT @ right[m] + (shrink - 1) * diagonal_blocks
+        diagonal = diagonal_blocks.diagonal(dim1=1, dim2=2)
+        step.diagonal(dim1=1, dim2=2).add_(pull / diagonal)
+        diagonal_blocks.add_(step.clamp_(-most, most)).tril_()
+        diagonal.clamp_(min=self._sigma_min)
+        self._diag.unflatten(0, (self._count, self._panels))[m] = diagonal_blocks
+        self._stale.add(m)
 
     def _set(self, L: Tensor) -> None:
         """Take over new factors (M, d, d), with a diagonal of at least sigma_min."""
@@ -258,6 +312,7 @@ class DeferredFactors:
         blocks.zero_()
         self._low = low
         self._scale, self._pending, self._ahead = 1.0, 0, None
+        self._noted, self._stale = set(), set()
         self._U = self._V = L.new_empty(0)  # made when the first outer product is put off
         if self._columns is not None:
             self._below = self._blocks(self._rows(self._columns, self._padded) @ low)
@@ -282,3 +337,10 @@ class DeferredFactors:
 def _sums_after(blocks: Tensor) -> Tensor:
     """For each panel (axis 1) the sum over all later ones."""
     return blocks.sum(1, keepdim=True) - blocks.cumsum(1)
+
+
+def _few_and_many(over: Tensor) -> tuple[list[int], list[int]]:
+    """The members with some marked rows in (M, d), and those with many."""
+    shares = over.float().mean(1).tolist()
+    few = [m for m, share in enumerate(shares) if 0 < share <= MANY]
+    return few, [m for m, share in enumerate(shares) if share > MANY]
