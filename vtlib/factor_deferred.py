@@ -118,7 +118,7 @@ class DeferredFactors:
         if self._columns is not None:
             left = torch.cat([left, self._columns * pull], 2)
             right = torch.cat([right, self._columns_times_L(self._columns)], 2)
-        few, many = ([], []) if over is None else _few_and_many(over)
+        few, many = _few_and_many(over)
         changes = [self._clip_rows(m, over[m], left, right, shrink, pull) for m in few]
         wholes = [self._take_out(m, left) for m in many]
         self._step_diagonal(left, right, shrink, pull)
@@ -198,10 +198,11 @@ class DeferredFactors:
         product: Tensor = current.unflatten(0, columns.shape[:2])
         return product.add_(self._below)
 
-    def _rows_that_may_clip(
-        self, gradients: Tensor, noise: Tensor, kl_weight: float
-    ) -> Tensor | None:
-        """Rows (M, d) of L whose gradient could exceed the clip, by bounds that cost O(n d)."""
+    def _rows_that_may_clip(self, gradients: Tensor, noise: Tensor, kl_weight: float) -> Tensor:
+        """Rows (M, d) of L whose gradient could exceed the clip, by bounds that cost O(n d).
+
+        (M, 1), if there are none.
+        """
         sizes, reach = gradients.abs(), noise.abs().amax(-1)
         td = float((sizes.amax(-1) * reach).sum(-1).max())
         # a column of L meets all of W W^T
@@ -213,7 +214,7 @@ class DeferredFactors:
         # an upper bound on the entries from here on, without reading L
         self._largest += self._alpha * min(td + kl, self._clip)
         if td + kl <= self._clip:
-            return None
+            return torch.zeros(sizes.shape[0], 1, dtype=torch.bool)
         return ~((sizes * reach.unsqueeze(-1)).sum(1) + kl <= self._clip)
 
     def _clip_rows(
