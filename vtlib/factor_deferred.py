@@ -16,6 +16,7 @@ PANEL = 64  # the diagonal blocks, kept up to date at each step, are about this 
 STRIP = 4  # panels that are multiplied with noise at once
 LEAST_SCALE = 0.25  # a smaller running factor on L is applied at once, before digits are lost
 LOOSE = 0.01  # of the clip; if a bound on the KL's part is larger, the largest entry is looked up
+ROUNDING = 2**-26  # a smaller part of a number is lost when it is taken off in float32
 MANY = 0.04  # of a member's rows: if clipping may bind in more, its whole gradient is written out
 
 
@@ -283,14 +284,18 @@ class DeferredFactors:
         """The step of one member with its gradient written out, a panel at a time."""
         m, left, diagonal_blocks = whole
         most = self._alpha * self._clip
+        felt = 1 - shrink > ROUNDING
         bound, above = most / self._scale, left.mT / self._scale
         rows = self._rows(right[m : m + 1], self._padded)[0]
         owed = rows.new_zeros(0 if self._columns is None else self._columns.shape[2], self._padded)
         for panel in range(1, self._panels):
             edge = panel * self._width
             low = self._low[m, edge : edge + self._width, :edge]  # by now shrunk
-            step = torch.addmm(low, above[panel], rows[:, :edge], beta=(shrink - 1) / shrink)
-            torch.add(step.clamp_(-bound, bound), low, alpha=1 / shrink, out=low)
+            step = above[panel] @ rows[:, :edge]
+            if felt:
+                step.add_(low, alpha=(shrink - 1) / shrink)
+                low.mul_(1 / shrink)
+            low.add_(step.clamp_(-bound, bound))
             if self._columns is not None:
                 owed[:, :edge].addmm_(self._columns[m, panel], low, alpha=self._scale)
         if self._columns is not None:
