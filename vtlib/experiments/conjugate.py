@@ -12,7 +12,7 @@ from matplotlib.ticker import MultipleLocator
 from matplotlib.typing import LineStyleType
 from torch import Tensor
 
-from vtlib.gaussian import Gaussian, kl
+from vtlib.gaussian import Gaussian, kl, sources_mean_and_spread
 from vtlib.plots import BookFigure, Curve, draw_curves, look
 from vtlib.qfunctions import MLP
 from vtlib.replay import Transition
@@ -45,14 +45,13 @@ class Regression:
 
         Shapes (R, d) and (R, d, d), in float64.
         """
-        sources = self.sources.double()
-        spread = sources - sources.mean(1, keepdim=True)
+        center, spread = sources_mean_and_spread(self.sources.double())
         eye = torch.eye(INPUTS + 1, dtype=torch.float64)
-        prior = torch.linalg.inv(spread.mT @ spread / SOURCES + PRIOR_JITTER * eye)
+        prior = torch.linalg.inv(spread @ spread.mT + PRIOR_JITTER * eye)
         obs = self.obs[:, :count].double()
         x = torch.cat([obs, torch.ones_like(obs[..., :1])], -1)
         precision = prior + 2 / lambda_ * x.mT @ x
-        pull = prior @ sources.mean(1).unsqueeze(-1)
+        pull = prior @ center.unsqueeze(-1)
         pull += 2 / lambda_ * x.mT @ self.reward[:, :count].double().unsqueeze(-1)
         mean = torch.linalg.solve(precision, pull).squeeze(-1)
         return Gaussian(mean, torch.linalg.cholesky(torch.linalg.inv(precision)))
