@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
+from bs4 import BeautifulSoup
 
 from vtlib.baselines import DDQNSettings
 from vtlib.envs.maze import MazeFamily, Mazes
@@ -14,12 +15,23 @@ from vtlib.experiments import Experiment
 from vtlib.experiments.maze_figures import (
     STARTS,
     gallery,
+    returns_grid,
+    returns_table,
     targets_figure,
     walk,
     walks_on_the_way,
     walks_picture,
 )
-from vtlib.experiments.mazes import CORNERS, DIAGONAL, MAZE_SLIDERS, MAZE_TARGETS, MAZES
+from vtlib.experiments.mazes import (
+    ALGORITHMS,
+    CORNERS,
+    DIAGONAL,
+    LATER,
+    MAZE_SLIDERS,
+    MAZE_TARGETS,
+    MAZES,
+)
+from vtlib.experiments.reading import returns
 from vtlib.experiments.runs import chosen_sources, targets
 from vtlib.sources import MazePool
 from vtlib.transfer import Settings
@@ -109,3 +121,31 @@ def test_the_targets_are_drawn_with_a_robot_each():
     assert [ax.get_title("left") for ax in figure.axes] == ["north-east 1"]
     assert len(figure.axes[0].lines) > 2 * STARTS
     assert len(targets(TINY, [0, 1])) == 2
+
+
+LABELS = ["DDQN", "GVT", "1-MGVT", "3-MGVT"]
+
+
+def test_only_what_is_not_stored_yet_is_left_out():
+    for corner, experiment in MAZE_TARGETS.items():
+        assert {*experiment.algorithms, *LATER.get(corner, ())} == set(ALGORITHMS)
+
+
+def test_returns_are_drawn_and_tabled_where_there_are_any():
+    figure = returns_grid(MAZE_TARGETS, LABELS)
+    table = BeautifulSoup(returns_table(MAZE_TARGETS, LABELS), "html.parser")
+    assert [th.text for th in table.select("th")] == ["maze", "optimum", *LABELS]
+    rows = table.select("tbody tr")
+    for row, left, (corner, experiment) in zip(
+        rows, figure.axes[::2], MAZE_TARGETS.items(), strict=True
+    ):
+        there = [label for label in LABELS if label in experiment.algorithms]
+        assert left.get_legend_handles_labels()[1] == [*there, "planned optimum"]
+        cells = [td.text for td in row.select("td")]
+        assert cells[0] == f"{corner} 3"
+        runs = returns(experiment.name, "DDQN")
+        share = (runs.learning.mean(1) / runs.optimum).mean()
+        assert cells[2].startswith(f"{share:.0%} (")
+        assert cells[2].endswith(f"{(runs.greedy[:, -1] / runs.optimum).mean():.0%}")
+        missing = [label for label, cell in zip(LABELS, cells[2:], strict=True) if "yet" in cell]
+        assert missing == [label for label in LABELS if label not in there]

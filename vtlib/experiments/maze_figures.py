@@ -11,6 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from torch import Tensor
 
+from vtlib.claims import Returns
 from vtlib.domains import domain
 from vtlib.envs.draw_maze import draw_maze
 from vtlib.envs.maze import MazeFamily, Mazes
@@ -22,6 +23,7 @@ from vtlib.experiments.runs import prepare, targets
 from vtlib.planning_maze import plan_maze
 from vtlib.plots import COLOURS, BookFigure, Curve, curve, draw_curves, image_html, look, small_png
 from vtlib.qfunctions import QFunction
+from vtlib.stats import mean_interval
 from vtlib.streams import generator
 
 STARTS = 6  # walks drawn in a maze
@@ -81,7 +83,11 @@ def returns_grid(experiments: Mapping[str, Experiment], labels: Sequence[str]) -
         figure = BookFigure(figsize=(7.6, 2.0 * len(experiments) + 0.6))
         axes = figure.subplots(len(experiments), 2, sharex=True, sharey=True)
         for row, experiment in zip(axes, experiments.values(), strict=True):
-            stored = {label: returns(experiment.name, label) for label in labels}
+            stored = {
+                label: returns(experiment.name, label)
+                for label in labels
+                if label in experiment.algorithms
+            }
             best = float(optimum(experiment.name).mean())
             for ax, (title, kind) in zip(row, KINDS.items(), strict=True):
                 curves = [
@@ -91,9 +97,36 @@ def returns_grid(experiments: Mapping[str, Experiment], labels: Sequence[str]) -
                 ax.set(title=f"{_name(experiment)}, {title}", ylim=limits_of(experiment))
                 ax.label_outer()
             row[0].set_ylabel("discounted return")
-        handles, names = axes[0, 0].get_legend_handles_labels()
+        shown = [ax.get_legend_handles_labels() for ax in axes[:, 0]]
+        handles, names = max(shown, key=lambda both: len(both[1]))
         figure.legend(handles, names, loc="outside lower center", ncols=5)
     return figure
+
+
+def returns_table(experiments: Mapping[str, Experiment], labels: Sequence[str]) -> str:
+    """Each maze's optimum and returns as an HTML table: learning over the run, greedy at its end.
+
+    Both are shares of the optimum, over all runs, with a 95% interval of the first.
+    """
+    rows = []
+    for experiment in experiments.values():
+        cells = [_name(experiment), f"{optimum(experiment.name).mean():.2f}"]
+        for label in labels:
+            cells.append(
+                _shares(returns(experiment.name, label))
+                if label in experiment.algorithms
+                else "not run yet"
+            )
+        rows.append("".join(f"<td>{cell}</td>" for cell in cells))
+    head = "".join(f"<th>{name}</th>" for name in ("maze", "optimum", *labels))
+    body = "".join(f"<tr>{row}</tr>" for row in rows)
+    return f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
+
+
+def _shares(runs: Returns) -> str:
+    learning = mean_interval(runs.learning.mean(1) / runs.optimum)
+    greedy = (runs.greedy[:, -1] / runs.optimum).mean()
+    return f"{learning.centre:.0%} ({learning.low:.0%} to {learning.high:.0%}); {greedy:.0%}"
 
 
 def covariance_figure(experiments: Mapping[str, Experiment]) -> Figure:

@@ -29,6 +29,19 @@ MAZES = MazePool(
 )
 DIAGONAL = "1-MGVT-diagonal"
 CORNERS = ("north-east", "north-west", "south-east", "south-west")
+ALGORITHMS = {
+    "3-MGVT": replace(MAZE_MGVT, components=3),
+    "GVT": MAZE_GVT,
+    "1-MGVT": MAZE_MGVT,
+    DIAGONAL: replace(MAZE_MGVT, covariance="diagonal"),
+    "DDQN": MAZE_DDQN,
+}
+# Not stored yet: each takes more than an hour of one core.
+LATER = {
+    "north-west": ("3-MGVT",),
+    "south-east": ("3-MGVT",),
+    "south-west": ("3-MGVT", "GVT"),
+}
 
 
 def _target(corner: str) -> Experiment:
@@ -39,11 +52,9 @@ def _target(corner: str) -> Experiment:
         pool=MAZES,
         family=MazeFamily((f"{corner} 3",)),
         algorithms={
-            "3-MGVT": replace(MAZE_MGVT, components=3),
-            "GVT": MAZE_GVT,
-            "1-MGVT": MAZE_MGVT,
-            DIAGONAL: replace(MAZE_MGVT, covariance="diagonal"),
-            "DDQN": MAZE_DDQN,
+            label: algorithm
+            for label, algorithm in ALGORITHMS.items()
+            if label not in LATER.get(corner, ())
         },
         sources=5,
         iterations=MAZE_ITERATIONS,
