@@ -14,6 +14,7 @@ from vtlib.envs.maze import MazeFamily, Mazes
 from vtlib.experiments import Experiment
 from vtlib.experiments.maze_figures import (
     STARTS,
+    beliefs_on_the_way,
     gallery,
     returns_grid,
     returns_table,
@@ -121,6 +122,16 @@ def test_the_targets_are_drawn_with_a_robot_each():
     assert [ax.get_title("left") for ax in figure.axes] == ["north-east 1"]
     assert len(figure.axes[0].lines) > 2 * STARTS
     assert len(targets(TINY, [0, 1])) == 2
+
+
+def test_beliefs_are_those_of_the_run_at_that_moment():
+    short, longer = (beliefs_on_the_way(TINY, "2-MGVT", 1, WEIGHTS, at) for at in ([5], [5, 10]))
+    assert short[0] == longer[0] != longer[1]
+    value, spread = short[0]
+    assert np.isfinite(value)
+    assert spread > 0
+    narrow = replace(TINY, algorithms={"2-MGVT": replace(TINY.algorithms["2-MGVT"], sigma_p2=1e-9)})
+    assert beliefs_on_the_way(narrow, "2-MGVT", 1, WEIGHTS, [5])[0][1] < 0.1 * spread
 
 
 LABELS = ["DDQN", "GVT", "1-MGVT", "3-MGVT"]

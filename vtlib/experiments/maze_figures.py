@@ -18,15 +18,18 @@ from vtlib.envs.maze import MazeFamily, Mazes
 from vtlib.experiments.experiment import Experiment
 from vtlib.experiments.figures import KINDS, limits_of
 from vtlib.experiments.mazes import CORNERS, DIAGONAL, MAZES
+from vtlib.experiments.probes import value_and_spread
 from vtlib.experiments.reading import optimum, returns
 from vtlib.experiments.runs import prepare, targets
 from vtlib.planning_maze import plan_maze
 from vtlib.plots import COLOURS, BookFigure, Curve, curve, draw_curves, image_html, look, small_png
 from vtlib.qfunctions import QFunction
 from vtlib.stats import mean_interval
-from vtlib.streams import generator
+from vtlib.streams import Stream, generator
+from vtlib.transfer import VariationalTransfer
 
 STARTS = 6  # walks drawn in a maze
+REMEMBERED = 200  # states at which beliefs are looked at
 DIAGONAL_COLOUR, DIAGONAL_STYLE = "#a6761d", (0, (4, 1.5))
 
 
@@ -159,6 +162,26 @@ def walks_on_the_way(
         walk(tasks, experiment.name, lambda s: _greedy(q, batch.agent.mu.detach(), tasks, s))
         for _ in batch.moments(at)
     ]
+
+
+def beliefs_on_the_way(
+    experiment: Experiment, label: str, run: int, pool: np.ndarray, at: Sequence[int]
+) -> list[tuple[float, float]]:
+    """Compute one run anew; the mean's value and the samples' spread after some iterations.
+
+    At remembered states, so none of the iterations may be 0.
+    """
+    settings = experiment.transfer_settings(label)
+    batch = prepare(experiment, label, settings, [run], pool)
+    q, agent = domain(experiment.family).q(), batch.agent
+    assert isinstance(agent, VariationalTransfer)
+    chosen, noise = (Stream(experiment.stream, [run], x) for x in ("probes", "probe samples"))
+    found = []
+    for _ in batch.moments(at):
+        obs = agent.remembered(chosen.uniform(REMEMBERED)).obs
+        value, spread = value_and_spread(q, agent, obs, noise, settings.kappa)
+        found.append((float(value), float(spread)))
+    return found
 
 
 def _greedy(q: QFunction, mu: Tensor, tasks: Mazes, states: Tensor) -> Tensor:
