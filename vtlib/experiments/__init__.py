@@ -5,6 +5,7 @@ from vtlib.experiments.control import (
     CAR_SLIDERS,
     CARTPOLE,
     CARTPOLE_COLLAPSE,
+    CARTPOLE_LATE,
     CARTPOLE_OTHER_SOURCES,
     CARTPOLE_SLIDERS,
 )
@@ -27,6 +28,7 @@ __all__ = [
     "CAR",
     "CARTPOLE",
     "CARTPOLE_COLLAPSE",
+    "CARTPOLE_LATE",
     "CARTPOLE_OTHER_SOURCES",
     "CARTPOLE_SLIDERS",
     "CAR_SLIDERS",
@@ -64,6 +66,7 @@ EXPERIMENTS = {
         CARTPOLE_SLIDERS,
         *CARTPOLE_OTHER_SOURCES.values(),
         CARTPOLE_COLLAPSE,
+        CARTPOLE_LATE,
         CAR,
         CAR_SLIDERS,
         ROOMS_CALIBRATION,
