@@ -1,21 +1,24 @@
-"""The probes of an experiment: pairs of each run's own, planned values, recorded at each look."""
+"""The probes of an experiment: what they note, at each look, without disturbing the runs."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 
 import numpy as np
+import pytest
 import torch
 
 from vtlib.coverage import LEVELS
-from vtlib.domains import rooms_q
+from vtlib.domains import domain, rooms_q
+from vtlib.envs.cartpole import CartpoleFamily
 from vtlib.envs.rooms import RoomsFamily
 from vtlib.experiments import Experiment
 from vtlib.experiments.calibration import coverage_figure
-from vtlib.experiments.probes import CoverageProbe
+from vtlib.experiments.probes import CoverageProbe, StabilityProbe
 from vtlib.experiments.runs import prepare, run_batch, targets
+from vtlib.mellow import mellowmax
 from vtlib.planning import plan
-from vtlib.sources import Pool
+from vtlib.sources import NetworkPool, Pool
 from vtlib.transfer import Settings
 
 TINY = Experiment(
@@ -94,3 +97,65 @@ def test_the_figure_has_a_panel_for_each_level_and_a_row_for_each_truth():
     assert titles == [f"{level:.0%} intervals" for level in LEVELS] + [""] * 3
     drawn = [ax.get_lines()[0].get_ydata() for ax in figure.axes]
     np.testing.assert_allclose(drawn, inside.mean(0).transpose(1, 2, 0).reshape(6, 3))
+
+
+POLES = Experiment(
+    "tiny-poles",
+    NetworkPool("tiny-poles-pool", CartpoleFamily(), count=4),
+    CartpoleFamily(),
+    {
+        "2-MGVT": Settings(components=2, batch=5, weights=2),
+        "GVT": Settings("gaussian", batch=5, weights=2, alpha_L=1e-4),
+    },
+    runs=3,
+    sources=3,
+    iterations=20,
+    every=10,
+    probes=30,
+)
+POLE_Q = domain(CartpoleFamily()).q()
+POLE_WEIGHTS = np.random.default_rng(1).standard_normal((4, POLE_Q.d)).astype(np.float32)
+
+
+@pytest.mark.parametrize("label", POLES.algorithms)
+def test_stability_is_stored_at_each_evaluation_and_disturbs_nothing(label):
+    arrays = run_batch(POLES, label, [0, 2], POLE_WEIGHTS)
+    for name in ("value", "spread", "step"):
+        assert arrays[name].shape == (2, 2)
+        assert np.isfinite(arrays[name]).all()
+    assert (arrays["spread"] > 0).all()
+    assert (arrays["step"] > 0).all()
+    plain = run_batch(replace(POLES, probes=0), label, [0, 2], POLE_WEIGHTS)
+    assert "value" not in plain
+    np.testing.assert_array_equal(arrays["learning"], plain["learning"])
+    np.testing.assert_array_equal(arrays["greedy"], plain["greedy"])
+    alone = run_batch(POLES, label, [2], POLE_WEIGHTS)
+    np.testing.assert_allclose(alone["spread"][0], arrays["spread"][1], rtol=1e-4)
+    np.testing.assert_allclose(alone["step"][0], arrays["step"][1], rtol=1e-3)
+
+
+def test_spread_scales_with_the_factor_and_steps_with_their_size():
+    noted = []
+    for scale in (1.0, 0.01):
+        settings = replace(POLES.algorithms["GVT"], alpha_L=1e-4 * scale)
+        batch = prepare(POLES, "GVT", settings, [0], POLE_WEIGHTS)
+        batch.advance()
+        batch.agent._factors.L.copy_(1e-3 * scale * torch.eye(POLE_Q.d))
+        probe = StabilityProbe(POLES, [0], settings)
+        probe.look(batch.agent)
+        noted.append(probe.arrays)
+    first, second = noted
+    np.testing.assert_allclose(second["spread"], 0.01 * first["spread"], rtol=0.05)
+    np.testing.assert_allclose(second["step"], 0.01 * first["step"], rtol=0.05)
+
+
+def test_the_value_is_the_mean_networks_mellow_value_at_remembered_states():
+    settings = POLES.algorithms["GVT"]
+    batch = prepare(POLES, "GVT", settings, [0], POLE_WEIGHTS)
+    obs = batch.episodes.obs.clone()
+    batch.advance()  # one transition is all that it remembers
+    probe = StabilityProbe(POLES, [0], settings)
+    probe.look(batch.agent)
+    values = POLE_Q.q(batch.agent.mu.detach(), POLE_Q.prepare(obs.unsqueeze(1)))
+    expected = mellowmax(values[0, 0, :, 0], settings.kappa)
+    assert float(probe.arrays["value"][0, 0]) == pytest.approx(float(expected), rel=1e-5)

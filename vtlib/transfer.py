@@ -184,6 +184,10 @@ class VariationalTransfer:
             self._descend(batch)
         self._sample()
 
+    def remembered(self, u: Tensor) -> Transition:
+        """Transitions (R, B) of the replay memory, chosen by uniform numbers u (R, B)."""
+        return self._buffer.sample(u)
+
     def _descend(self, batch: Transition) -> None:
         s = self._settings
         kl_weight = s.lambda_ / self._steps

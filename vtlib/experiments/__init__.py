@@ -5,6 +5,7 @@ from vtlib.experiments.control import (
     CAR_SLIDERS,
     CARTPOLE,
     CARTPOLE_COLLAPSE,
+    CARTPOLE_LATE,
     CARTPOLE_OTHER_SOURCES,
     CARTPOLE_SLIDERS,
 )
@@ -28,6 +29,7 @@ __all__ = [
     "CAR",
     "CARTPOLE",
     "CARTPOLE_COLLAPSE",
+    "CARTPOLE_LATE",
     "CARTPOLE_OTHER_SOURCES",
     "CARTPOLE_SLIDERS",
     "CAR_SLIDERS",
@@ -67,6 +69,7 @@ EXPERIMENTS = {
         CARTPOLE_SLIDERS,
         *CARTPOLE_OTHER_SOURCES.values(),
         CARTPOLE_COLLAPSE,
+        CARTPOLE_LATE,
         CAR,
         CAR_SLIDERS,
         *MAZE_TARGETS.values(),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict, replace
+from typing import Any
 
 from vtlib.baselines import DDQNSettings, MellowTDSettings
 from vtlib.envs.cartpole import CartpoleFamily
@@ -68,6 +69,26 @@ CARTPOLE_COLLAPSE = replace(
         "small steps": replace(CARTPOLE_MGVT, alpha_mu=1e-4),
         "buffer filled first": PatientSettings(**asdict(CARTPOLE_MGVT)),
     },
+)
+
+# Why transfer falls late: as in the figure, and with what should spare it (vtlib.stability).
+LATE_VARIANTS: dict[str, dict[str, Any]] = {
+    "as in the thesis": {},
+    "full gradient": {"psi": 1.0},
+    "smaller steps on L": {"alpha_L": 1e-5},
+    "more samples": {"weights": 10},
+}
+CARTPOLE_LATE = replace(
+    CARTPOLE,
+    name="cartpole-late",
+    algorithms={
+        f"{label}, {name}": replace(base, **changes)
+        for name, changes in reversed(LATE_VARIANTS.items())
+        for label, base in (("GVT", CARTPOLE_GVT), ("1-MGVT", CARTPOLE_MGVT))
+    },
+    runs=10,
+    every=200,
+    probes=500,
 )
 
 CAR_SOURCE_ITERATIONS = 50_000

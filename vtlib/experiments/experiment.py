@@ -9,7 +9,6 @@ from dataclasses import dataclass, field, replace
 from vtlib.baselines import DDQNSettings, MellowTDSettings
 from vtlib.checks import check_kind, check_name, check_one_of, check_positive, check_whole, shown
 from vtlib.domains import Family
-from vtlib.envs.rooms import RoomsFamily
 from vtlib.sources import Pool
 from vtlib.transfer import Settings
 
@@ -26,9 +25,9 @@ class Experiment:
     experiments that share it share targets, sources and random numbers run by run. Each
     ``runs_per_task`` consecutive runs have one target. ``counts`` names algorithms that use only
     the first so many of a run's sources; ``excluded`` are sources that no run may draw; ``visits``
-    keeps the positions that the agents visit; ``probes`` is the number of states and actions at
-    which the posterior's coverage of the planned values is recorded. Raises ValueError for a value
-    outside its range.
+    keeps the positions that the agents visit; ``probes`` is the number of places at which
+    the posterior is looked at along the way (see ``vtlib.experiments.probes``). Raises ValueError
+    for a value outside its range.
     """
 
     name: str
@@ -89,10 +88,8 @@ class Experiment:
     def _check_probes(self) -> None:
         check_whole("probes", self.probes, 0)
         transfers = all(isinstance(one, Settings) for one in self.algorithms.values())
-        if self.probes and not (transfers and isinstance(self.family, RoomsFamily)):
-            raise ValueError(
-                f"probes must be 0 unless all algorithms transfer between rooms, got {self.probes}"
-            )
+        if self.probes and not transfers:
+            raise ValueError(f"probes must be 0 unless all algorithms transfer, got {self.probes}")
 
     @property
     def eligible(self) -> list[int]:

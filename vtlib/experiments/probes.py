@@ -1,8 +1,9 @@
-"""Coverage of planned values by rooms posteriors, looked at while they learn."""
+"""What is looked at while posteriors learn: their coverage in rooms, their stability elsewhere."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Protocol
 
 import numpy as np
 import torch
@@ -13,12 +14,36 @@ from vtlib.domains import domain
 from vtlib.envs.episodes import Tasks
 from vtlib.envs.rooms import SIDE, Rooms
 from vtlib.experiments.experiment import Experiment
+from vtlib.mellow import mellowmax
 from vtlib.planning import plan
+from vtlib.qfunctions import QFunction
+from vtlib.stability import largest_step, steepest
 from vtlib.streams import Stream
 from vtlib.training import Agent
-from vtlib.transfer import VariationalTransfer
+from vtlib.transfer import Settings, VariationalTransfer
 
 SAMPLES = 400  # of each component's posterior
+FEWER = 50  # the same where only a standard deviation is asked for
+
+
+class Probe(Protocol):
+    """Looks at an agent now and then; ``arrays`` are stored with the returns."""
+
+    def look(self, agent: Agent) -> None:
+        """Note what the agent is like now."""
+
+    @property
+    def arrays(self) -> dict[str, np.ndarray]:
+        """What was noted, a row for each run."""
+
+
+def probe_of(
+    experiment: Experiment, runs: Sequence[int], tasks: Tasks, settings: Settings
+) -> Probe:
+    """The probe of an experiment's runs: coverage needs planned values, which the rooms have."""
+    if isinstance(tasks, Rooms):
+        return CoverageProbe(experiment, runs, tasks, settings.kappa)
+    return StabilityProbe(experiment, runs, settings)
 
 
 class CoverageProbe:
@@ -29,9 +54,8 @@ class CoverageProbe:
     """
 
     def __init__(
-        self, experiment: Experiment, runs: Sequence[int], tasks: Tasks, kappa: float
+        self, experiment: Experiment, runs: Sequence[int], tasks: Rooms, kappa: float
     ) -> None:
-        assert isinstance(tasks, Rooms)
         count = experiment.probes
         u = Stream(experiment.stream, runs, "probes").uniform(3 * count).view(len(runs), count, 3)
         self._q = domain(experiment.family).q()
@@ -66,3 +90,48 @@ class CoverageProbe:
             "off": torch.stack(self._off, 1).permute(2, 1, 0).numpy(),
             "truth": self._truths.mean(-1).T.numpy(),
         }
+
+
+def value_and_spread(
+    q: QFunction, agent: VariationalTransfer, obs: Tensor, noise: Stream, kappa: float
+) -> tuple[Tensor, Tensor]:
+    """Mellow value of the posterior's mean, and the standard deviation of its samples' values.
+
+    (R,) each, averaged over states obs (R, B, obs_dim), the deviation also over actions.
+    """
+    mu = agent.mu.detach()
+    runs, components, d = mu.shape
+    draws = noise.normal(components * FEWER * d).view(runs, components, FEWER, d)
+    x = q.prepare(obs)
+    spread = q.q(posterior_samples(mu, agent.L, draws), x).std(1).mean((1, 2))
+    return mellowmax(q.q(mu, x), kappa, 2).mean((1, 2)), spread
+
+
+class StabilityProbe:
+    """Values, spread and steps of posteriors at remembered transitions, as the runs learn."""
+
+    def __init__(self, experiment: Experiment, runs: Sequence[int], settings: Settings) -> None:
+        self._q, self._settings = domain(experiment.family).q(), settings
+        self._count = experiment.probes
+        self._remembered = Stream(experiment.stream, runs, "probes")
+        self._noise = Stream(experiment.stream, runs, "probe samples")
+        self._noted: list[tuple[Tensor, Tensor, Tensor]] = []
+
+    def look(self, agent: Agent) -> None:
+        """Note the value of the mean, the values' spread, and the step on L against its bound."""
+        assert isinstance(agent, VariationalTransfer)
+        s, mu = self._settings, agent.mu.detach()
+        batch = agent.remembered(self._remembered.uniform(self._count))
+        value, spread = value_and_spread(self._q, agent, batch.obs, self._noise, s.kappa)
+        steps = []
+        for c in range(mu.shape[1]):
+            eta, length = steepest(self._q, mu[:, c], batch, s.psi, s.gamma, s.kappa)
+            steps.append(s.alpha_L * eta / largest_step(length, s.weights))
+        step = torch.stack(steps).amax(0)
+        self._noted.append((value, spread, step.float()))
+
+    @property
+    def arrays(self) -> dict[str, np.ndarray]:
+        """At T looks (R, T): values, spreads of values, steps over the largest stable step."""
+        noted = (torch.stack(x, 1).numpy() for x in zip(*self._noted, strict=True))
+        return dict(zip(("value", "spread", "step"), noted, strict=True))

@@ -15,7 +15,7 @@ from vtlib.envs.episodes import Episodes, RecordedEpisodes, Tasks
 from vtlib.evaluation import GreedyReturn
 from vtlib.experiments.deviations import DeviatingSettings, DeviatingTransfer
 from vtlib.experiments.experiment import Algorithm, Experiment
-from vtlib.experiments.probes import CoverageProbe
+from vtlib.experiments.probes import probe_of
 from vtlib.sources import check_pool_weights, draw_tasks
 from vtlib.streams import Stream, generator
 from vtlib.training import FINGERPRINTS, Agent, train
@@ -115,8 +115,7 @@ def run_batch(
     probe = None
     if experiment.probes:
         assert isinstance(algorithm, Settings)  # as the experiment has checked
-        tasks = targets(experiment, runs)
-        probe = CoverageProbe(experiment, runs, tasks, algorithm.kappa)
+        probe = probe_of(experiment, runs, targets(experiment, runs), algorithm)
 
     def evaluate(mu: Tensor) -> Tensor:
         if probe is not None:

@@ -1,0 +1,99 @@
+"""Why transfer to a cartpole falls late: returns, and the runs whose posterior's spread grows."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.typing import LineStyleType
+
+from vtlib.experiments.control import LATE_VARIANTS
+from vtlib.experiments.experiment import Experiment
+from vtlib.experiments.figures import limits_of
+from vtlib.experiments.reading import optimum
+from vtlib.experiments.work import load_result
+from vtlib.plots import COLOURS, BookFigure, Curve, draw_curves, look
+from vtlib.store import Arrays, results_folder
+
+EXPLODED = 100.0  # a spread has exploded that is so many times its first value
+LATE_COLOURS = dict(zip(LATE_VARIANTS, ("#1a1a1a", "#66a61e", "#7570b3", "#b2182b"), strict=True))
+LOOKS: tuple[LineStyleType, ...] = ("-", (0, (5, 1.5)), "-.", (0, (1, 1)))
+LATE_STYLES = dict(zip(LATE_VARIANTS, LOOKS, strict=True))
+MARKERS = {"GVT": "o", "1-MGVT": "^"}
+THESIS = next(iter(LATE_VARIANTS))
+STEP = "step on $L$ over its bound"
+
+
+def late_runs(experiment: Experiment) -> dict[tuple[str, str], Arrays]:
+    """Stored arrays of every algorithm and variant."""
+    return {
+        (label, name): load_result(experiment.name, f"{label}, {name}", results_folder())[0]
+        for label in MARKERS
+        for name in LATE_VARIANTS
+    }
+
+
+def growth(arrays: Mapping[str, np.ndarray]) -> np.ndarray:
+    """How many times each run's last spread of values is its first, (R,)."""
+    spread = arrays["spread"]
+    times: np.ndarray = spread[:, -1] / spread[:, 0]
+    return times
+
+
+def intact(arrays: Mapping[str, np.ndarray]) -> np.ndarray:
+    """At which looks a run's spread has not exploded yet, (R, T)."""
+    spread = arrays["spread"]
+    return np.logical_and.accumulate(spread <= EXPLODED * spread[:, :1], axis=1)
+
+
+def largest_step(arrays: Mapping[str, np.ndarray]) -> np.ndarray:
+    """Largest step on L of each run, over the largest stable one, while it is intact, (R,)."""
+    largest: np.ndarray = np.where(intact(arrays), arrays["step"], -np.inf).max(1)
+    return largest
+
+
+def late_figure(experiment: Experiment) -> Figure:
+    """Learning return of each algorithm and variant; steps over time, and growth by steps."""
+    stored = late_runs(experiment)
+    best = float(optimum(experiment.name).mean())
+    with look():
+        figure = BookFigure(figsize=(7.6, 6.0))
+        axes = figure.subplots(2, 2)
+        for ax, label in zip(axes[0], MARKERS, strict=True):
+            draw_curves(ax, [_curve(name, stored[label, name]) for name in LATE_VARIANTS], best)
+            ax.set(title=label, ylim=limits_of(experiment), ylabel="learning return")
+        _draw_steps(axes[1, 0], stored)
+        _draw_growth(axes[1, 1], stored)
+        handles, names = axes[0, 0].get_legend_handles_labels()
+        figure.legend(handles, names, loc="outside lower center", ncols=3)
+    return figure
+
+
+def _curve(name: str, arrays: Arrays) -> Curve:
+    colour, style = LATE_COLOURS[name], LATE_STYLES[name]
+    return Curve(name, arrays["iterations"], arrays["learning"], colour, style)
+
+
+def _draw_steps(ax: Axes, stored: Mapping[tuple[str, str], Arrays]) -> None:
+    """The steps of the thesis' runs as long as they are intact, with a dot where they explode."""
+    for label, marker in MARKERS.items():
+        arrays = stored[label, THESIS]
+        for step, whole in zip(arrays["step"], intact(arrays), strict=True):
+            last = whole.sum() - 1
+            times = arrays["iterations"][: last + 1]
+            ax.plot(times, step[: last + 1], color=COLOURS[label], lw=0.9, alpha=0.7)
+            if not whole.all():
+                ax.plot(times[-1], step[last], marker, color=COLOURS[label], ms=6)
+    ax.axhline(1, color="black", lw=0.8, ls=":")
+    ax.set(title=f"runs {THESIS}", xlabel="thousand iterations", ylabel=STEP, ylim=(0, 2))
+    ax.xaxis.set_major_formatter(lambda x, _: f"{x / 1000:g}")
+
+
+def _draw_growth(ax: Axes, stored: Mapping[tuple[str, str], Arrays]) -> None:
+    for (label, name), arrays in stored.items():
+        style = {"color": LATE_COLOURS[name], "ms": 5, "alpha": 0.75, "mew": 0, "ls": ""}
+        ax.loglog(largest_step(arrays), growth(arrays), MARKERS[label], **style)
+    ax.axvline(1, color="black", lw=0.8, ls=":")
+    ax.set(title="all runs", xlabel=f"largest {STEP}", ylabel="growth of the spread")

@@ -1,0 +1,75 @@
+"""Where stochastic gradient descent on the posterior's factor L stops being stable.
+
+Near the posterior's mean the TD error is linear in the weights, and the gradient of its expected
+square by L is H L with H = 2 E[h f^T]: f the gradient of a TD error by the weights, h the one that
+is psi-mixed (eq. 5.4). Let eta be its largest eigenvalue, u and p its left and right eigenvectors
+with u^T p = 1, and l = u^T L. From n normal samples v (eq. 5.10) the gradient is estimated as
+H L V, V the mean of v v^T, and as row i of L ends at column i, a step of size alpha takes l to
+
+    l_j - alpha eta c_j (l V)_j,    c_j = sum of u_i p_i over i >= j.
+
+For a fixed l, E (l V)_j^2 = ((n + 1) l_j^2 + |l|^2) / n. With 0 <= c_j <= 1 the expected square of
+l then shrinks if alpha eta < 2 n / (d_eta + n + 1), d_eta = sum of c_j = sum of i u_i p_i: the
+length of the rows of L, averaged along the eigenvectors. For rows of one length, d_eta = d, it
+grows above that.
+"""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+
+from vtlib.checks import check_whole
+from vtlib.qfunctions import QFunction
+from vtlib.replay import Transition
+
+OFF = 1e-6  # relative; so far beside the eigenvalue its eigenvector is looked for
+
+
+def largest_step(length: Tensor, samples: int) -> Tensor:
+    """The bound on alpha eta, for rows of L of a mean length d_eta (R,) and n samples.
+
+    Raises ValueError unless samples is a whole number from 1 on.
+    """
+    check_whole("samples", samples)
+    return 2 * samples / (length + samples + 1)
+
+
+def steepest(
+    q: QFunction, mu: Tensor, batch: Transition, psi: float, gamma: float, kappa: float
+) -> tuple[Tensor, Tensor]:
+    """Eigenvalue eta (R,) of H of the largest modulus, and d_eta (R,), in float64.
+
+    At weights mu (R, d), over a mini-batch (R, B). H is not symmetric unless psi is 1; of a complex
+    pair the modulus and the real part are taken.
+    """
+    f, h = _td_gradients(q, mu, batch, psi, gamma, kappa)
+    H = torch.bmm(h.mT, f).double() * (2 / batch.action.shape[1])
+    values, vectors = torch.linalg.eig(H)
+    top = values.abs().argmax(1)
+    rows = torch.arange(len(mu))
+    eta, p = values[rows, top], vectors[rows, :, top]
+    beside = H.mT - (eta * (1 + OFF)).view(-1, 1, 1) * torch.eye(H.shape[-1])
+    u = p
+    for _ in range(2):
+        u = torch.linalg.solve(beside, u)
+        u = u / u.norm(dim=1, keepdim=True)
+    share = u * p / (u * p).sum(1, keepdim=True)
+    length = (share.real * torch.arange(1, H.shape[-1] + 1)).sum(1)
+    return eta.abs(), length
+
+
+def _td_gradients(
+    q: QFunction, mu: Tensor, batch: Transition, psi: float, gamma: float, kappa: float
+) -> tuple[Tensor, Tensor]:
+    """Gradients f and h (R, B, d) of each TD error, whole and psi-mixed."""
+    runs, size = batch.action.shape
+    pairs = torch.stack([batch.obs, batch.next_obs], 2).flatten(0, 1)
+    weights = mu.unsqueeze(1).expand(-1, size, -1).reshape(runs * size, 1, -1)
+    values, pullback = q.vjp(weights, q.prepare(pairs))
+    now, after = torch.zeros_like(values), torch.zeros_like(values)
+    now[..., 0].scatter_(2, batch.action.view(-1, 1, 1), 1.0)
+    alive = gamma * ~batch.terminal
+    after[..., 1] = torch.softmax(kappa * values[..., 1], 2) * alive.view(-1, 1, 1)
+    at_state, at_next = (pullback(x).view(runs, size, -1) for x in (now, after))
+    return at_next - at_state, psi * at_next - at_state
