@@ -24,7 +24,6 @@ from vtlib.experiments.runs import prepare, targets
 from vtlib.planning_maze import plan_maze
 from vtlib.plots import COLOURS, BookFigure, Curve, curve, draw_curves, image_html, look, small_png
 from vtlib.qfunctions import QFunction
-from vtlib.stats import mean_interval
 from vtlib.streams import Stream, generator
 from vtlib.transfer import VariationalTransfer
 
@@ -109,17 +108,14 @@ def returns_grid(experiments: Mapping[str, Experiment], labels: Sequence[str]) -
 def returns_table(experiments: Mapping[str, Experiment], labels: Sequence[str]) -> str:
     """Each maze's optimum and returns as an HTML table: learning over the run, greedy at its end.
 
-    Both are shares of the optimum, over all runs, with a 95% interval of the first.
+    Both are means over runs, in percent of the optimum.
     """
     rows = []
     for experiment in experiments.values():
         cells = [_name(experiment), f"{optimum(experiment.name).mean():.2f}"]
         for label in labels:
-            cells.append(
-                _shares(returns(experiment.name, label))
-                if label in experiment.algorithms
-                else "not run yet"
-            )
+            there = label in experiment.algorithms
+            cells.append(_shares(returns(experiment.name, label)) if there else "not yet")
         rows.append("".join(f"<td>{cell}</td>" for cell in cells))
     head = "".join(f"<th>{name}</th>" for name in ("maze", "optimum", *labels))
     body = "".join(f"<tr>{row}</tr>" for row in rows)
@@ -127,9 +123,9 @@ def returns_table(experiments: Mapping[str, Experiment], labels: Sequence[str]) 
 
 
 def _shares(runs: Returns) -> str:
-    learning = mean_interval(runs.learning.mean(1) / runs.optimum)
+    learning = (runs.learning.mean(1) / runs.optimum).mean()
     greedy = (runs.greedy[:, -1] / runs.optimum).mean()
-    return f"{learning.centre:.0%} ({learning.low:.0%} to {learning.high:.0%}); {greedy:.0%}"
+    return f"{learning:.0%} / {greedy:.0%}"
 
 
 def covariance_figure(experiments: Mapping[str, Experiment]) -> Figure:

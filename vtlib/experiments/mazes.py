@@ -36,7 +36,7 @@ ALGORITHMS = {
     DIAGONAL: replace(MAZE_MGVT, covariance="diagonal"),
     "DDQN": MAZE_DDQN,
 }
-# Not stored yet: each takes more than an hour of one core.
+# Not stored yet; they are the longest runs of the book.
 LATER = {
     "north-west": ("3-MGVT",),
     "south-east": ("3-MGVT", "GVT"),
