@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from vtlib.baselines import DDQNSettings
 from vtlib.envs.maze import MazeFamily
-from vtlib.experiments.experiment import Experiment, sliders_of
+from vtlib.experiments.experiment import Algorithm, Experiment, sliders_of
 from vtlib.sources import MazePool
 from vtlib.transfer import Settings
 
@@ -29,7 +29,7 @@ MAZES = MazePool(
 )
 DIAGONAL = "1-MGVT-diagonal"
 CORNERS = ("north-east", "north-west", "south-east", "south-west")
-ALGORITHMS = {
+ALGORITHMS: dict[str, Algorithm] = {
     "3-MGVT": replace(MAZE_MGVT, components=3),
     "GVT": MAZE_GVT,
     "1-MGVT": MAZE_MGVT,
