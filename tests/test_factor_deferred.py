@@ -138,6 +138,18 @@ def test_clipping_that_binds(monkeypatch, kind, strength, first, rows, unused):
     assert float((free.L - plain.L).abs().max()) > 1
 
 
+@pytest.mark.parametrize("rows", [FEW, HALF], ids=["few rows", "half of them"])
+def test_a_step_too_large_for_float32_is_no_error(rows):
+    deferred, _ = pair("isotropic", D, clip=1e3)
+    deferred = DeferredFactors(deferred.L, Precision(1.0), 1e38, 1e-3, 1e3)
+    noise, gradients = draws(0, D, 0.3)
+    gradients[..., rows] *= 1e6
+    deferred.look_ahead(noise)
+    for t in range(3):
+        deferred.step(gradients[t], noise[t, :, 1:], 0.0)
+    assert not torch.isfinite(deferred.L).all() or float(deferred.L.abs().max()) > 1e30
+
+
 def test_a_maze_posterior_takes_little_more_memory_than_its_factor():
     d, weights = 1891, 10
     member = DeferredFactors(torch.eye(d).unsqueeze(0), Precision(1e5), 1e-6, 1e-4, CLIP)

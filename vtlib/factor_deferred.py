@@ -15,6 +15,7 @@ AHEAD = 8  # iterations whose noise is drawn at once, after which what was put o
 PANEL = 64  # the diagonal blocks, kept up to date at each step, are about this wide
 STRIP = 4  # panels that are multiplied with noise at once
 LEAST_SCALE = 0.25  # a smaller running factor on L is applied at once, before digits are lost
+LARGEST = torch.finfo(torch.float32).max
 LOOSE = 0.01  # of the clip; if a bound on the KL's part is larger, the largest entry is looked up
 ROUNDING = 2**-26  # a smaller part of a number is lost when it is taken off in float32
 MANY = 0.04  # of a member's rows: if clipping may bind in more, its whole gradient is written out
@@ -71,6 +72,7 @@ class DeferredFactors:
     ) -> None:
         self._precision = precision
         self._alpha, self._sigma_min, self._clip = alpha, sigma_min, clip
+        self._most = min(alpha * clip, LARGEST)  # that a step may change an entry by
         self._count, self._d = L.shape[0], L.shape[-1]
         self._panels = max(1, round(self._d / PANEL))
         self._width = -(-self._d // self._panels)
@@ -230,7 +232,7 @@ class DeferredFactors:
         step.add_(L, alpha=shrink - 1)
         own = panel, torch.arange(len(row)), at
         step[own] += pull / L[own]
-        step.clamp_(-self._alpha * self._clip, self._alpha * self._clip)
+        step.clamp_(-self._most, self._most)
         diagonal = (L[own] + step[own]).clamp_(min=self._sigma_min)
         columns = torch.arange(self._padded).view(self._panels, 1, self._width)
         change = step.add_(L, alpha=1 - shrink).mul_(columns < row.unsqueeze(-1))
@@ -283,9 +285,9 @@ class DeferredFactors:
     def _write_out(self, whole: _Whole, right: Tensor, shrink: float, pull: float) -> None:
         """The step of one member with its gradient written out, a panel at a time."""
         m, left, diagonal_blocks = whole
-        most = self._alpha * self._clip
+        most = self._most
         felt = 1 - shrink > ROUNDING
-        bound, above = most / self._scale, left.mT / self._scale
+        bound, above = min(most / self._scale, LARGEST), left.mT / self._scale
         rows = self._rows(right[m : m + 1], self._padded)[0]
         owed = rows.new_zeros(0 if self._columns is None else self._columns.shape[2], self._padded)
         for panel in range(1, self._panels):
