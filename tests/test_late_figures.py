@@ -16,6 +16,7 @@ from vtlib.experiments.late_figures import (
     largest_step,
     late_figure,
     late_runs,
+    step_after,
 )
 from vtlib.experiments.work import load_result
 from vtlib.plots import COLOURS
@@ -38,6 +39,14 @@ def test_the_largest_step_is_taken_before_the_spread_explodes_even_if_it_shrinks
 def test_a_run_that_has_exploded_is_never_intact_again():
     expected = [[True] * 4, [True, True, False, False], [True, True, True, False]]
     np.testing.assert_array_equal(intact(PROBED), expected)
+
+
+def test_the_step_after_some_iterations_is_near_the_stored_one():
+    pool, _ = load_result(CARTPOLE.pool.name, "sources", results_folder())
+    stored = late_runs(CARTPOLE_LATE)["1-MGVT", THESIS]
+    found = step_after(CARTPOLE, "1-MGVT", CARTPOLE_LATE.every, pool["weights"])
+    # of another draw of remembered transitions than the stored one
+    assert found == pytest.approx(float(stored["step"][0, 0]), rel=0.1)
 
 
 @pytest.mark.parametrize("label", MARKERS)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -12,7 +13,9 @@ from matplotlib.typing import LineStyleType
 from vtlib.experiments.control import LATE_VARIANTS
 from vtlib.experiments.experiment import Experiment
 from vtlib.experiments.figures import limits_of
+from vtlib.experiments.probes import StabilityProbe
 from vtlib.experiments.reading import optimum
+from vtlib.experiments.runs import prepare
 from vtlib.experiments.work import load_result
 from vtlib.plots import COLOURS, BookFigure, Curve, draw_curves, look
 from vtlib.store import Arrays, results_folder
@@ -52,6 +55,20 @@ def largest_step(arrays: Mapping[str, np.ndarray]) -> np.ndarray:
     """Largest step on L of each run, over the largest stable one, while it is intact, (R,)."""
     largest: np.ndarray = np.where(intact(arrays), arrays["step"], -np.inf).max(1)
     return largest
+
+
+def step_after(experiment: Experiment, label: str, iterations: int, pool: np.ndarray) -> float:
+    """The step on L over the largest stable one in the first run, computed anew.
+
+    pool (count, d) are the weights of the experiment's sources.
+    """
+    settings = experiment.transfer_settings(label)
+    probed = replace(experiment, algorithms={label: settings}, counts={}, probes=settings.batch)
+    batch = prepare(experiment, label, settings, [0], pool)
+    probe = StabilityProbe(probed, [0], settings)
+    for _ in batch.moments([iterations]):
+        probe.look(batch.agent)
+    return float(probe.arrays["step"][0, 0])
 
 
 def late_figure(experiment: Experiment) -> Figure:
