@@ -285,9 +285,8 @@ class DeferredFactors:
     def _write_out(self, whole: _Whole, right: Tensor, shrink: float, pull: float) -> None:
         """The step of one member with its gradient written out, a panel at a time."""
         m, left, diagonal_blocks = whole
-        most = self._most
         felt = 1 - shrink > ROUNDING
-        bound, above = min(most / self._scale, LARGEST), left.mT / self._scale
+        bound, above = min(self._most / self._scale, LARGEST), left.mT / self._scale
         rows = self._rows(right[m : m + 1], self._padded)[0]
         owed = rows.new_zeros(0 if self._columns is None else self._columns.shape[2], self._padded)
         for panel in range(1, self._panels):
@@ -305,7 +304,7 @@ class DeferredFactors:
         step = left.mT @ right[m] + (shrink - 1) * diagonal_blocks
         diagonal = diagonal_blocks.diagonal(dim1=1, dim2=2)
         step.diagonal(dim1=1, dim2=2).add_(pull / diagonal)
-        diagonal_blocks.add_(step.clamp_(-most, most)).tril_()
+        diagonal_blocks.add_(step.clamp_(-self._most, self._most)).tril_()
         diagonal.clamp_(min=self._sigma_min)
         self._diag.unflatten(0, (self._count, self._panels))[m] = diagonal_blocks
         self._stale.add(m)
