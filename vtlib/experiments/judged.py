@@ -154,15 +154,13 @@ def mazes() -> list[Claim]:
     found = []
     for maze, mine in runs.items():
         ddqn, end = mine["DDQN"], int(mine["DDQN"].iterations[-1])
-        each = [claims.learns_faster(x, mine[x], "DDQN", ddqn, end) for x in MIXTURES if x in mine]
-        if "GVT" in mine:
-            each.insert(0, claims.transfers_negatively("GVT", mine["GVT"], "DDQN", ddqn))
+        each = [
+            claims.transfers_negatively("GVT", mine["GVT"], "DDQN", ddqn),
+            *(claims.learns_faster(x, mine[x], "DDQN", ddqn, end) for x in MIXTURES),
+        ]
         found += [claims.in_task(maze, claim) for claim in each]
-    for label in MIXTURES:
-        with_ = {maze: mine[label] for maze, mine in runs.items() if label in mine}
-        alone = {maze: runs[maze]["DDQN"] for maze in with_}
-        found.append(claims.optimal_only_with(label, with_, "DDQN", alone))
-    return found
+    of = {x: {maze: mine[x] for maze, mine in runs.items()} for x in ("DDQN", *MIXTURES)}
+    return found + [claims.optimal_only_with(x, of[x], "DDQN", of["DDQN"]) for x in MIXTURES]
 
 
 # The pages in the book's order.

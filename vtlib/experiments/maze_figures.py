@@ -19,6 +19,7 @@ from vtlib.experiments.experiment import Experiment
 from vtlib.experiments.figures import KINDS, limits_of
 from vtlib.experiments.mazes import CORNERS, DIAGONAL, MAZES
 from vtlib.experiments.probes import value_and_spread
+from vtlib.experiments.protocol import html_table
 from vtlib.experiments.reading import optimum, returns
 from vtlib.experiments.runs import prepare, targets
 from vtlib.planning_maze import plan_maze
@@ -85,11 +86,7 @@ def returns_grid(experiments: Mapping[str, Experiment], labels: Sequence[str]) -
         figure = BookFigure(figsize=(7.6, 2.0 * len(experiments) + 0.6))
         axes = figure.subplots(len(experiments), 2, sharex=True, sharey=True)
         for row, experiment in zip(axes, experiments.values(), strict=True):
-            stored = {
-                label: returns(experiment.name, label)
-                for label in labels
-                if label in experiment.algorithms
-            }
+            stored = {label: returns(experiment.name, label) for label in labels}
             best = float(optimum(experiment.name).mean())
             for ax, (title, kind) in zip(row, KINDS.items(), strict=True):
                 curves = [
@@ -99,8 +96,7 @@ def returns_grid(experiments: Mapping[str, Experiment], labels: Sequence[str]) -
                 ax.set(title=f"{_name(experiment)}, {title}", ylim=limits_of(experiment))
                 ax.label_outer()
             row[0].set_ylabel("discounted return")
-        shown = [ax.get_legend_handles_labels() for ax in axes[:, 0]]
-        handles, names = max(shown, key=lambda both: len(both[1]))
+        handles, names = axes[0, 0].get_legend_handles_labels()
         figure.legend(handles, names, loc="outside lower center", ncols=5)
     return figure
 
@@ -110,16 +106,11 @@ def returns_table(experiments: Mapping[str, Experiment], labels: Sequence[str]) 
 
     Both are means over runs, in percent of the optimum.
     """
-    rows = []
-    for experiment in experiments.values():
-        cells = [_name(experiment)]
-        for label in labels:
-            there = label in experiment.algorithms
-            cells.append(_shares(returns(experiment.name, label)) if there else "not yet")
-        rows.append("".join(f"<td>{cell}</td>" for cell in cells))
-    head = "".join(f"<th>{name}</th>" for name in ("maze", *labels))
-    body = "".join(f"<tr>{row}</tr>" for row in rows)
-    return f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
+    rows = [
+        [_name(experiment), *(_shares(returns(experiment.name, label)) for label in labels)]
+        for experiment in experiments.values()
+    ]
+    return html_table(["maze", *labels], rows)
 
 
 def _shares(runs: Returns) -> str:

@@ -36,12 +36,6 @@ ALGORITHMS: dict[str, Algorithm] = {
     DIAGONAL: replace(MAZE_MGVT, covariance="diagonal"),
     "DDQN": MAZE_DDQN,
 }
-# Not stored yet; they are the longest runs of the book.
-LATER = {
-    "north-west": ("3-MGVT",),
-    "south-east": ("3-MGVT",),
-    "south-west": ("3-MGVT", "GVT"),
-}
 
 
 def _target(corner: str) -> Experiment:
@@ -51,11 +45,7 @@ def _target(corner: str) -> Experiment:
         name=f"maze-{corner}",
         pool=MAZES,
         family=MazeFamily((f"{corner} 3",)),
-        algorithms={
-            label: algorithm
-            for label, algorithm in ALGORITHMS.items()
-            if label not in LATER.get(corner, ())
-        },
+        algorithms=ALGORITHMS,
         sources=5,
         iterations=MAZE_ITERATIONS,
         every=200,
