@@ -82,6 +82,9 @@ def test_the_parts_add_up_to_the_divergence(monkeypatch):
     (moved, exact), (centred, _) = pairs
     whole = kl(Gaussian(moved.mu, centred.L), exact)
     np.testing.assert_allclose(found[:, 0].sum(-1), whole, rtol=1e-9)
+    off = (moved.mu - exact.mu).unsqueeze(-1)
+    means = 0.5 * torch.linalg.solve_triangular(exact.L, off, upper=False).square().sum((1, 2))
+    np.testing.assert_allclose(found[:, 0, 0], means, rtol=1e-9)
 
 
 def test_the_figure_names_the_step_sizes():
