@@ -419,7 +419,7 @@ def optimal_only_with(
     passed = [with_ >= SOLVED > without for with_, without in ends.values()]
     numbers = "; ".join(f"{task} {x:.0%} against {y:.0%}" for task, (x, y) in ends.items())
     return Claim(
-        f"Some runs of {first} end at the optimum where {second} does not.",
+        f"In some tasks {first} ends at the optimum where {second} does not.",
         verdict([any(passed)]),
         f"Greedy return at the end, {first} against {second}, of the optimum: {numbers}.",
     )
