@@ -2,22 +2,27 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 
-from vtlib.experiments import CARTPOLE, CARTPOLE_LATE
+from vtlib.experiments import CARTPOLE, CARTPOLE_LATE, CARTPOLE_LATE_AGAIN
 from vtlib.experiments.control import LATE_VARIANTS
 from vtlib.experiments.late_figures import (
     LATE_COLOURS,
     MARKERS,
     THESIS,
+    bound_table,
     growth,
     intact,
     largest_step,
     late_figure,
     late_runs,
+    outcomes,
     step_after,
 )
+from vtlib.experiments.reading import optimum
 from vtlib.experiments.work import load_result
 from vtlib.plots import COLOURS
 from vtlib.store import results_folder
@@ -57,17 +62,56 @@ def test_the_runs_as_in_the_thesis_are_those_of_the_figure(label):
     np.testing.assert_array_equal(here["learning"], there["learning"][among])
 
 
+def test_a_run_has_fallen_that_ends_below_nine_tenths_of_its_own_optimum():
+    best = optimum(CARTPOLE_LATE.name)[[4, 2, 7]]
+    ends = np.array([0.91, 0.89, 0.5]) * best
+    learning = np.stack([best, best / 2, best, ends], 1)
+    above, exploded, fallen = outcomes(
+        CARTPOLE_LATE, {**PROBED, "run": np.array([4, 2, 7]), "learning": learning}
+    )
+    np.testing.assert_array_equal(above, [False] * 3)
+    np.testing.assert_array_equal(exploded, [False, False, True])
+    np.testing.assert_array_equal(fallen, [False, True, True])
+
+
+BOTH = {"first": CARTPOLE_LATE, "again": CARTPOLE_LATE_AGAIN}
+
+
+def test_the_table_counts_the_runs_of_each_experiment():
+    lines = re.findall(r"<tr>(.*?)</tr>", bound_table(BOTH))
+    head, *rows = [re.findall(r"<t[hd]>(.*?)</t[hd]>", line) for line in lines]
+    assert head == ["", *BOTH]
+    for column, experiment in enumerate(BOTH.values(), 1):
+        counts = [int(row[column]) for row in rows]
+        runs, above, above_exploded, below, below_exploded, fallen, fallen_exploded = counts
+        assert runs == above + below == experiment.runs * len(experiment.algorithms)
+        exploded = sum((growth(x) > 100).sum() for x in late_runs(experiment).values())
+        assert above_exploded + below_exploded == exploded
+        assert fallen_exploded <= min(fallen, exploded)
+        lost = [
+            (x["learning"][:, -1] < 0.9 * optimum(experiment.name)).sum()
+            for x in late_runs(experiment).values()
+        ]
+        assert fallen == sum(lost)
+
+
 def test_every_run_is_a_point_of_the_figure():
     stored = late_runs(CARTPOLE_LATE)
     assert len(stored) == len(CARTPOLE_LATE.algorithms)
-    gvt, mgvt, steps, every = late_figure(CARTPOLE_LATE).axes
+    gvt, mgvt, steps, every = late_figure(CARTPOLE_LATE, CARTPOLE_LATE_AGAIN).axes
     assert gvt.get_legend_handles_labels()[1] == [*LATE_VARIANTS, "planned optimum"]
     assert len(gvt.get_lines()) == len(mgvt.get_lines()) == len(LATE_VARIANTS) + 1
     exploded = [~intact(stored[label, THESIS]).all(1) for label in MARKERS]
     lines = 2 * CARTPOLE_LATE.runs + np.concatenate(exploded).sum()
     assert len(steps.get_lines()) == lines + 1  # the dotted one
     points = [line for line in every.get_lines() if line.get_marker() in MARKERS.values()]
-    assert sum(len(line.get_xdata()) for line in points) == CARTPOLE_LATE.runs * len(stored)
+    hollow = [line for line in points if line.get_markerfacecolor() == "none"]
+    for marks, experiment in ((hollow, CARTPOLE_LATE), (points, CARTPOLE_LATE_AGAIN)):
+        drawn = sorted(x for line in marks for x in line.get_xdata())
+        largest = [largest_step(x) for x in late_runs(experiment).values()]
+        assert set(np.concatenate(largest)) <= set(drawn)
+    count = CARTPOLE_LATE.runs + CARTPOLE_LATE_AGAIN.runs
+    assert sum(len(line.get_xdata()) for line in points) == count * len(stored)
 
 
 def test_no_variant_has_the_colour_of_an_algorithm():

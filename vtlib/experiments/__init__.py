@@ -6,6 +6,7 @@ from vtlib.experiments.control import (
     CARTPOLE,
     CARTPOLE_COLLAPSE,
     CARTPOLE_LATE,
+    CARTPOLE_LATE_AGAIN,
     CARTPOLE_OTHER_SOURCES,
     CARTPOLE_SLIDERS,
 )
@@ -30,6 +31,7 @@ __all__ = [
     "CARTPOLE",
     "CARTPOLE_COLLAPSE",
     "CARTPOLE_LATE",
+    "CARTPOLE_LATE_AGAIN",
     "CARTPOLE_OTHER_SOURCES",
     "CARTPOLE_SLIDERS",
     "CAR_SLIDERS",
@@ -70,6 +72,7 @@ EXPERIMENTS = {
         *CARTPOLE_OTHER_SOURCES.values(),
         CARTPOLE_COLLAPSE,
         CARTPOLE_LATE,
+        CARTPOLE_LATE_AGAIN,
         CAR,
         CAR_SLIDERS,
         *MAZE_TARGETS.values(),

@@ -90,6 +90,10 @@ CARTPOLE_LATE = replace(
     every=200,
     probes=500,
 )
+# What these runs suggested, put to the test on others.
+CARTPOLE_LATE_AGAIN = replace(
+    CARTPOLE_LATE, name="cartpole-late-again", stream="cartpole-late-again"
+)
 
 CAR_SOURCE_ITERATIONS = 50_000
 CARS = NetworkPool(

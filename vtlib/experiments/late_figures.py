@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -14,6 +15,7 @@ from vtlib.experiments.control import LATE_VARIANTS
 from vtlib.experiments.experiment import Experiment
 from vtlib.experiments.figures import limits_of
 from vtlib.experiments.probes import StabilityProbe
+from vtlib.experiments.protocol import html_table
 from vtlib.experiments.reading import optimum
 from vtlib.experiments.runs import prepare
 from vtlib.experiments.work import load_result
@@ -21,12 +23,21 @@ from vtlib.plots import COLOURS, BookFigure, Curve, draw_curves, look
 from vtlib.store import Arrays, results_folder
 
 EXPLODED = 100.0  # a spread has exploded that is so many times its first value
+FALLEN = 0.9  # of the optimum; a run has fallen that ends below it
 LATE_COLOURS = dict(zip(LATE_VARIANTS, ("#1a1a1a", "#66a61e", "#7570b3", "#b2182b"), strict=True))
-LOOKS: tuple[LineStyleType, ...] = ("-", (0, (5, 1.5)), "-.", (0, (1, 1)))
-LATE_STYLES = dict(zip(LATE_VARIANTS, LOOKS, strict=True))
+DASHES: tuple[LineStyleType, ...] = ("-", (0, (5, 1.5)), "-.", (0, (1, 1)))
+LATE_STYLES = dict(zip(LATE_VARIANTS, DASHES, strict=True))
 MARKERS = {"GVT": "o", "1-MGVT": "^"}
 THESIS = next(iter(LATE_VARIANTS))
 STEP = "step on $L$ over its bound"
+
+
+class Outcomes(NamedTuple):
+    """Whether (R,) of R runs a step on L came above its bound, the spread exploded, returns fell."""
+
+    above: np.ndarray
+    exploded: np.ndarray
+    fallen: np.ndarray
 
 
 def late_runs(experiment: Experiment) -> dict[tuple[str, str], Arrays]:
@@ -57,6 +68,38 @@ def largest_step(arrays: Mapping[str, np.ndarray]) -> np.ndarray:
     return largest
 
 
+def outcomes(experiment: Experiment, arrays: Mapping[str, np.ndarray]) -> Outcomes:
+    """What became of the runs of an algorithm and variant of an experiment."""
+    best = optimum(experiment.name)[arrays["run"]]
+    fallen = arrays["learning"][:, -1] < FALLEN * best
+    return Outcomes(largest_step(arrays) > 1, growth(arrays) > EXPLODED, fallen)
+
+
+def all_outcomes(experiment: Experiment) -> Outcomes:
+    """What became of the runs of all algorithms and variants."""
+    each = [outcomes(experiment, arrays) for arrays in late_runs(experiment).values()]
+    return Outcomes(*(np.concatenate(x) for x in zip(*each, strict=True)))
+
+
+def bound_table(experiments: Mapping[str, Experiment]) -> str:
+    """How well the bound foretells what becomes of runs, as an HTML table; a column for each."""
+    rows = {}
+    for title, experiment in experiments.items():
+        above, exploded, fallen = all_outcomes(experiment)
+        rows[title] = {
+            "runs": len(above),
+            "whose step comes above the bound": above.sum(),
+            "and whose posterior explodes": (above & exploded).sum(),
+            "whose step stays below": (~above).sum(),
+            "and whose posterior explodes all the same": (~above & exploded).sum(),
+            f"that end below {FALLEN:.0%} of the optimum": fallen.sum(),
+            "and whose posterior has exploded": (fallen & exploded).sum(),
+        }
+    names = next(iter(rows.values()))
+    cells = [[name, *(str(column[name]) for column in rows.values())] for name in names]
+    return html_table(["", *rows], cells)
+
+
 def step_after(experiment: Experiment, label: str, iterations: int, pool: np.ndarray) -> float:
     """The step on L over the largest stable one in the first run, computed anew.
 
@@ -71,8 +114,11 @@ def step_after(experiment: Experiment, label: str, iterations: int, pool: np.nda
     return float(probe.arrays["step"][0, 0])
 
 
-def late_figure(experiment: Experiment) -> Figure:
-    """Learning return of each algorithm and variant; steps over time, and growth by steps."""
+def late_figure(experiment: Experiment, again: Experiment) -> Figure:
+    """Learning return of each algorithm and variant; steps over time, and growth by steps.
+
+    The last panel has the runs of both experiments, those of the second as full marks.
+    """
     stored = late_runs(experiment)
     best = float(optimum(experiment.name).mean())
     with look():
@@ -82,7 +128,8 @@ def late_figure(experiment: Experiment) -> Figure:
             draw_curves(ax, [_curve(name, stored[label, name]) for name in LATE_VARIANTS], best)
             ax.set(title=label, ylim=limits_of(experiment), ylabel="learning return")
         _draw_steps(axes[1, 0], stored)
-        _draw_growth(axes[1, 1], stored)
+        _draw_growth(axes[1, 1], stored, {"mfc": "none"})
+        _draw_growth(axes[1, 1], late_runs(again), {"mew": 0})
         handles, names = axes[0, 0].get_legend_handles_labels()
         figure.legend(handles, names, loc="outside lower center", ncols=3)
     return figure
@@ -108,9 +155,11 @@ def _draw_steps(ax: Axes, stored: Mapping[tuple[str, str], Arrays]) -> None:
     ax.xaxis.set_major_formatter(lambda x, _: f"{x / 1000:g}")
 
 
-def _draw_growth(ax: Axes, stored: Mapping[tuple[str, str], Arrays]) -> None:
+def _draw_growth(
+    ax: Axes, stored: Mapping[tuple[str, str], Arrays], mark: Mapping[str, Any]
+) -> None:
     for (label, name), arrays in stored.items():
-        style = {"color": LATE_COLOURS[name], "ms": 5, "alpha": 0.75, "mew": 0, "ls": ""}
+        style = {"color": LATE_COLOURS[name], "ms": 5, "alpha": 0.75, "ls": "", **mark}
         ax.loglog(largest_step(arrays), growth(arrays), MARKERS[label], **style)
     ax.axvline(1, color="black", lw=0.8, ls=":")
     ax.set(title="all runs", xlabel=f"largest {STEP}", ylabel="growth of the spread")
