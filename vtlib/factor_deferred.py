@@ -34,14 +34,30 @@ class _Rows(NamedTuple):
     diagonal: Tensor
 
 
-class _Whole(NamedTuple):
-    """Outer products (P, n, width) that member m keeps to itself, and its blocks (P, width, width).
+class _Step(NamedTuple):
+    """A step's outer products left^T right, in blocks (M, P, n, width), and its pull to the prior.
 
-    The blocks are those on the diagonal of L before the step.
+    That takes shrink * L for L, and adds pull times the outer products of the precision's columns
+    with pulled (M, P, r, width).
+    """
+
+    left: Tensor
+    right: Tensor
+    pulled: Tensor
+    shrink: float
+    pull: float
+
+
+class _Whole(NamedTuple):
+    """Outer products that member m keeps to itself, and its blocks (P, width, width).
+
+    left: (P, n + r, width), right: (n + r, padded). The blocks are those on the diagonal of L
+    before the step.
     """
 
     m: int
     left: Tensor
+    right: Tensor
     blocks: Tensor
 
 
@@ -50,22 +66,24 @@ class DeferredFactors:
 
     Reading and writing L is most of that update's work. Here only the diagonal blocks of L are kept
     up to date. Below them L is scale * (low + U V^T), with one column of U and of V for each outer
-    product since the last ``look_ahead``; that applies them in one matrix product, and multiplies
-    L with the noise of the iterations to come while it reads it. What later outer products add to
-    L z follows from U and V, panel by panel. Exact, but for rounding. The given L is not changed.
+    product since the last ``look_ahead``, after those of the precision, whose columns of V add up;
+    that applies them in one matrix product, and multiplies L with the noise of the iterations to
+    come while it reads it. What later outer products add to L z follows from U and V, panel by
+    panel. Exact, but for rounding. The given L is not changed.
     """
 
     ahead = AHEAD
 
     _scale: float
-    _pending: int  # columns of U and V in use
+    _pending: int  # columns of U and V in use, beside those of the precision
     _U: Tensor
     _V: Tensor
     _below: Tensor  # what W^T L owes to the blocks below the diagonal
     _largest: float  # no entry of L is larger
     _noted: set[int]  # members with columns other than zero
-    _stale: set[int]  # members for which ``_ahead`` has to be looked up anew at each draw
-    _ahead: Tensor | None  # low z for the noise to come, None until it is asked for
+    _noise: Tensor  # the noise to come, (M, B, k, padded)
+    _ahead: Tensor  # low z for it
+    _stale: set[int]  # members for which ``_ahead`` has to be computed anew at each draw
 
     def __init__(
         self, L: Tensor, precision: Precision, alpha: float, sigma_min: float, clip: float
@@ -78,8 +96,11 @@ class DeferredFactors:
         self._width = -(-self._d // self._panels)
         self._padded = self._panels * self._width
         scale, W = precision
+        W = L.new_empty(self._count, self._d, 0) if W is None else W
         # the precision is scale * I minus the outer products of these
-        self._columns = None if W is None else self._blocks(W.transpose(1, 2) * scale**0.5)
+        self._columns = self._blocks(W.transpose(1, 2) * scale**0.5)
+        self._rank = W.shape[2]
+        self._among = _sums_after(self._columns @ self._columns.mT)
         self._set(L)
 
     @property
@@ -93,76 +114,93 @@ class DeferredFactors:
 
     def look_ahead(self, noise: Tensor) -> None:
         """Make ready for ``product`` with each of B draws of noise (B, M, k, d)."""
-        self._apply()
-        self._noise = self._blocks(noise)
+        draws, members, k, _ = noise.shape
+        shape = members, draws, k, self._padded
+        if self._noise.shape != shape:
+            self._noise, self._ahead = noise.new_zeros(shape), noise.new_empty(shape)
+        self._noise[..., : self._d] = noise.transpose(0, 1)
+        factor = self._scale
+        for m in range(members):
+            # one after the other, so that a member's L is still in the cache when it is multiplied
+            self._apply_to(m, factor)
+            self._low_times(m, self._noise[m], self._ahead[m])
+        self._settle()
 
     def product(self, at: int) -> Tensor:
         """L z (M, k, d) with the present L, for the draw ``at`` of the last ``look_ahead``."""
-        ahead = self._ahead
-        if ahead is None:
-            ahead = self._low_times(self._noise, slice(None))
-            self._ahead, self._stale = ahead, set()
+        z, ahead = self._noise[:, at], self._ahead[:, at]
         for m in self._stale:
-            alone = slice(m, m + 1)
-            ahead[at, m] = self._low_times(self._noise[at : at + 1, alone], alone)[0, 0]
-        z = self._noise[at].flatten(0, 1)
-        out = torch.bmm(z, self._diag.transpose(1, 2)).unflatten(0, (self._count, self._panels))
-        out.add_(ahead[at], alpha=self._scale)
+            self._low_times(m, z[m], ahead[m])
+        panels = self._blocks(z).flatten(0, 1)
+        out = torch.empty_like(z)
+        by_panel = out.unflatten(-1, (self._panels, self._width)).transpose(1, 2)
+        own = torch.bmm(panels, self._diag.transpose(1, 2)).view(by_panel.shape)
+        left = ahead.unflatten(-1, (self._panels, self._width)).transpose(1, 2)
+        torch.add(own, left, alpha=self._scale, out=by_panel)
         if self._pending:
-            out.add_(self._put_off_times(z), alpha=self._scale)
-        return self._rows(out, self._d)
+            by_panel.add_(self._put_off_times(panels), alpha=self._scale)
+        return out[:, :, : self._d]
 
     def step(self, gradients: Tensor, noise: Tensor, kl_weight: float) -> None:
         """One SGD step; the TD part of the gradient is sum_k gradients_k noise_k^T, (M, n, d)."""
         over = self._rows_that_may_clip(gradients, noise, kl_weight)
         pull = self._alpha * kl_weight
-        shrink = 1 - pull * self._precision.scale
-        left, right = self._blocks(gradients * -self._alpha), self._blocks(noise)
-        if self._columns is not None:
-            left = torch.cat([left, self._columns * pull], 2)
-            right = torch.cat([right, self._columns_times_L(self._columns)], 2)
+        step = _Step(
+            self._blocks(gradients).mul_(-self._alpha),
+            self._blocks(noise),
+            self._columns_times_L(),
+            1 - pull * self._precision.scale,
+            pull,
+        )
         few, many = _few_and_many(over)
-        changes = [self._clip_rows(m, over[m], left, right, shrink, pull) for m in few]
-        wholes = [self._take_out(m, left) for m in many]
-        self._step_diagonal(left, right, shrink, pull)
-        self._put_off(left, right, shrink, many)
+        changes = [self._clip_rows(m, over[m], step) for m in few]
+        wholes = [self._take_out(m, step) for m in many]
+        self._step_diagonal(step)
+        self._put_off(step, many)
         for rows in changes:
             self._add_rows(rows)
         for whole in wholes:
-            self._write_out(whole, right, shrink, pull)
+            self._write_out(whole, step.shrink, pull)
 
-    def _step_diagonal(self, left: Tensor, right: Tensor, shrink: float, pull: float) -> None:
+    def _step_diagonal(self, step: _Step) -> None:
+        left, right, pulled, shrink, pull = step
         diagonal = self._diag.diagonal(dim1=1, dim2=2)
         push = pull / diagonal
-        self._diag.baddbmm_(left.flatten(0, 1).transpose(1, 2), right.flatten(0, 1), beta=shrink)
+        self._diag.baddbmm_(left.flatten(0, 1).mT, right.flatten(0, 1), beta=shrink)
+        if self._rank:
+            self._diag.baddbmm_(self._columns.flatten(0, 1).mT, pulled.flatten(0, 1), alpha=pull)
         self._diag.tril_()
         diagonal.add_(push).clamp_(min=self._sigma_min)
 
-    def _put_off(self, left: Tensor, right: Tensor, shrink: float, none: Sequence[int]) -> None:
-        """Note the outer products (M, P, n, width) of a step for the blocks below the diagonal.
+    def _put_off(self, step: _Step, none: Sequence[int]) -> None:
+        """Note the outer products of a step for the blocks below the diagonal.
 
         Those of some members are all zero.
         """
-        if self._columns is not None:
-            later = _sums_after(self._columns @ left.transpose(2, 3))
-            self._below.mul_(shrink).add_(later @ right)
+        left, right, pulled, shrink, pull = step
         added = left.shape[2]
         if not len(self._U):
-            shape = self._count, self._panels, AHEAD * added, self._width
-            self._U, self._V = left.new_empty(shape), left.new_empty(shape)
-        if self._scale * shrink < LEAST_SCALE or self._pending + added > self._U.shape[2]:
+            shape = self._count, self._panels, self._rank + AHEAD * added, self._width
+            self._U, self._V = left.new_zeros(shape), left.new_zeros(shape)
+            self._U[:, :, : self._rank] = self._columns
+        start = self._rank + self._pending
+        if self._scale * shrink < LEAST_SCALE or start + added > self._U.shape[2]:
             self._apply(shrink)
+            start = self._rank
         else:
             self._scale *= shrink
-        span = slice(self._pending, self._pending + added)
-        self._U[:, :, span] = left / self._scale
-        self._V[:, :, span] = right
+        torch.div(left, self._scale, out=self._U[:, :, start : start + added])
+        self._V[:, :, start : start + added] = right
+        if self._rank:
+            later = _sums_after(self._columns @ left.mT)
+            self._below.mul_(shrink).add_(later @ right).add_(self._among @ pulled, alpha=pull)
+            self._V[:, :, : self._rank].add_(pulled, alpha=pull / self._scale)
         self._pending += added
         self._noted |= set(range(self._count)) - set(none)
 
     def _put_off_times(self, z: Tensor) -> Tensor:
         """What the noted outer products add to L z, in blocks (M, P, k, width)."""
-        U, V = (x.flatten(0, 1)[:, : self._pending] for x in (self._U, self._V))
+        U, V = (x.flatten(0, 1)[:, : self._rank + self._pending] for x in (self._U, self._V))
         along = torch.bmm(z, V.transpose(1, 2)).unflatten(0, (self._count, self._panels))
         before = along.cumsum(1).sub_(along)
         added: Tensor = torch.bmm(before.flatten(0, 1), U).unflatten(0, before.shape[:2])
@@ -170,35 +208,48 @@ class DeferredFactors:
 
     def _apply(self, shrink: float = 1.0) -> None:
         """Bring the blocks below the diagonal up to date, times a factor."""
-        factor = self._scale * shrink
-        if self._pending:
-            right = self._rows(self._V[:, :, : self._pending], self._padded)
-            for panel in range(1, self._panels):
-                edge = panel * self._width
-                low = self._low[:, edge : edge + self._width, :edge]
-                left = self._U[:, panel, : self._pending].transpose(1, 2)
-                low.baddbmm_(left, right[:, :, :edge], beta=factor, alpha=factor)
-        elif factor != 1.0:
-            self._low.mul_(factor)
-        self._scale, self._pending, self._ahead = 1.0, 0, None
+        for m in range(self._count):
+            self._apply_to(m, self._scale * shrink)
+        self._settle()
+        self._stale = set(range(self._count))
+
+    def _apply_to(self, m: int, factor: float) -> None:
+        low = self._low[m]
+        if not self._pending:
+            if factor != 1.0:
+                low.mul_(factor)
+            return
+        U, right = self._put_off_of(m)
+        for panel in range(1, self._panels):
+            edge = panel * self._width
+            rows = low[edge : edge + self._width, :edge]
+            rows.addmm_(U[panel].T, right[:, :edge], beta=factor, alpha=factor)
+
+    def _put_off_of(self, m: int) -> tuple[Tensor, Tensor]:
+        """The columns of U (P, n, width) and, as rows, those of V (n, padded) of one member."""
+        U, V = (x[m, :, : self._rank + self._pending] for x in (self._U, self._V))
+        return U, V.transpose(0, 1).flatten(1)
+
+    def _settle(self) -> None:
+        """Nothing is put off, and what was looked ahead for is known."""
+        if len(self._V):
+            self._V[:, :, : self._rank] = 0.0
+        self._scale, self._pending = 1.0, 0
         self._noted, self._stale = set(), set()
 
-    def _low_times(self, noise: Tensor, members: slice) -> Tensor:
-        """low z of some members for noise (B, M', P, k, width), in such blocks."""
-        low = self._low[members]
-        draws, _, _, k, _ = noise.shape
-        flat = noise.permute(1, 0, 3, 2, 4).reshape(len(low), draws * k, self._padded)
-        out = torch.empty_like(flat)
+    def _low_times(self, m: int, noise: Tensor, out: Tensor) -> None:
+        """Write low z of a member into out, for noise of its shape (..., padded)."""
+        low, noise, out = self._low[m], noise.flatten(0, -2), out.view(-1, self._padded)
         for start in range(0, self._padded, STRIP * self._width):
             end = min(start + STRIP * self._width, self._padded)
-            out[:, :, start:end] = torch.bmm(flat[:, :, :end], low[:, start:end, :end].mT)
-        shape = len(low), draws, k, self._panels, self._width
-        return out.view(shape).permute(1, 0, 3, 2, 4).contiguous()
+            torch.mm(noise[:, :end], low[start:end, :end].T, out=out[:, start:end])
 
-    def _columns_times_L(self, columns: Tensor) -> Tensor:
+    def _columns_times_L(self) -> Tensor:
         """W^T L times the root of the precision's scale, in blocks (M, P, r, width)."""
-        current = torch.bmm(columns.flatten(0, 1), self._diag)
-        product: Tensor = current.unflatten(0, columns.shape[:2])
+        if not self._rank:
+            return self._columns
+        current = torch.bmm(self._columns.flatten(0, 1), self._diag)
+        product: Tensor = current.view(self._columns.shape)
         return product.add_(self._below)
 
     def _rows_that_may_clip(self, gradients: Tensor, noise: Tensor, kl_weight: float) -> Tensor:
@@ -220,22 +271,22 @@ class DeferredFactors:
             return torch.zeros(sizes.shape[0], 1, dtype=torch.bool)
         return ~((sizes * reach.unsqueeze(-1)).sum(1) + kl <= self._clip)
 
-    def _clip_rows(
-        self, m: int, over: Tensor, left: Tensor, right: Tensor, shrink: float, pull: float
-    ) -> _Rows:
+    def _clip_rows(self, m: int, over: Tensor, step: _Step) -> _Rows:
         """Take rows of a member out of the step's outer products; what to add to them instead."""
         row = over.nonzero().flatten()
         panel, at = row // self._width, row % self._width
         L = self._rows_of_L(m, panel, at)
-        step = left[m][panel, :, at] @ right[m]
-        left[m, panel, :, at] = 0.0
-        step.add_(L, alpha=shrink - 1)
+        change = step.left[m][panel, :, at] @ step.right[m]
+        step.left[m, panel, :, at] = 0.0
+        pulled = (self._columns[m][panel, :, at] @ step.pulled[m]) * step.pull
+        change.add_(pulled).add_(L, alpha=step.shrink - 1)
         own = panel, torch.arange(len(row)), at
-        step[own] += pull / L[own]
-        step.clamp_(-self._most, self._most)
-        diagonal = (L[own] + step[own]).clamp_(min=self._sigma_min)
+        change[own] += step.pull / L[own]
+        change.clamp_(-self._most, self._most)
+        diagonal = (L[own] + change[own]).clamp_(min=self._sigma_min)
         columns = torch.arange(self._padded).view(self._panels, 1, self._width)
-        change = step.add_(L, alpha=1 - shrink).mul_(columns < row.unsqueeze(-1))
+        # what the step does to these rows all the same is taken off
+        change.sub_(pulled).add_(L, alpha=1 - step.shrink).mul_(columns < row.unsqueeze(-1))
         return _Rows(m, panel, at, change, diagonal)
 
     def _rows_of_L(self, m: int, panel: Tensor, at: Tensor) -> Tensor:
@@ -243,7 +294,7 @@ class DeferredFactors:
         low = self._low[m, panel * self._width + at]
         rows: Tensor = low.unflatten(-1, (self._panels, self._width)).transpose(0, 1)
         if self._pending:
-            U, V = (x[m][:, : self._pending] for x in (self._U, self._V))
+            U, V = (x[m, :, : self._rank + self._pending] for x in (self._U, self._V))
             rows = rows + U[panel, :, at] @ V
         below = torch.arange(self._panels).unsqueeze(-1) < panel
         rows = (rows * self._scale).mul_(below.unsqueeze(-1))
@@ -259,49 +310,47 @@ class DeferredFactors:
         blocks[m, panel, at, at] = diagonal
         below = torch.arange(self._panels).unsqueeze(-1) < panel
         change = change * below.unsqueeze(-1)
-        if self._columns is not None:
-            self._below[m] += self._columns[m][panel, :, at].T @ change
-        change /= self._scale
-        self._low[m, panel * self._width + at] += change.transpose(0, 1).flatten(1)
-        if self._ahead is not None:
-            later = (self._noise[:, m] @ change.transpose(1, 2)).sum(1)  # (B, k, rows)
-            self._ahead[:, m][:, panel, :, at] += later.permute(2, 0, 1)
+        self._below[m] += self._columns[m][panel, :, at].T @ change
+        whole, row = change.transpose(0, 1).flatten(1) / self._scale, panel * self._width + at
+        self._low[m, row] += whole
+        if len(self._noise):
+            self._ahead[m, :, :, row] += self._noise[m] @ whole.T
 
-    def _take_out(self, m: int, left: Tensor) -> _Whole:
+    def _take_out(self, m: int, step: _Step) -> _Whole:
         """Take a member out of the step's outer products, and bring its L up to date."""
         if m in self._noted:
-            right = self._rows(self._V[m : m + 1, :, : self._pending], self._padded)[0]
+            U, right = self._put_off_of(m)
             for panel in range(1, self._panels):
                 edge = panel * self._width
-                low = self._low[m, edge : edge + self._width, :edge]
-                low.addmm_(self._U[m, panel, : self._pending].T, right[:, :edge])
-            self._U[m, :, : self._pending] = 0.0
+                self._low[m, edge : edge + self._width, :edge].addmm_(U[panel].T, right[:, :edge])
+            self._U[m, :, self._rank :] = 0.0
+            self._V[m, :, : self._rank] = 0.0
             self._noted.discard(m)
         blocks = self._diag.unflatten(0, (self._count, self._panels))
-        whole = _Whole(m, left[m].clone(), blocks[m].clone())
-        left[m] = 0.0
-        return whole
+        left = torch.cat([step.left[m], self._columns[m] * step.pull], 1)
+        right = torch.cat([step.right[m], step.pulled[m]], 1).transpose(0, 1).flatten(1)
+        step.left[m] = 0.0
+        step.pulled[m] = 0.0
+        return _Whole(m, left, right, blocks[m].clone())
 
-    def _write_out(self, whole: _Whole, right: Tensor, shrink: float, pull: float) -> None:
+    def _write_out(self, whole: _Whole, shrink: float, pull: float) -> None:
         """The step of one member with its gradient written out, a panel at a time."""
-        m, left, diagonal_blocks = whole
+        m, left, right, diagonal_blocks = whole
         felt = 1 - shrink > ROUNDING
         bound, above = min(self._most / self._scale, LARGEST), left.mT / self._scale
-        rows = self._rows(right[m : m + 1], self._padded)[0]
-        owed = rows.new_zeros(0 if self._columns is None else self._columns.shape[2], self._padded)
+        owed = right.new_zeros(self._rank, self._padded)
+        steps = right.new_empty(self._width, self._padded)
         for panel in range(1, self._panels):
             edge = panel * self._width
             low = self._low[m, edge : edge + self._width, :edge]  # by now shrunk
-            step = above[panel] @ rows[:, :edge]
+            step = torch.mm(above[panel], right[:, :edge], out=steps[:, :edge])
             if felt:
                 step.add_(low, alpha=(shrink - 1) / shrink)
                 low.mul_(1 / shrink)
             low.add_(step.clamp_(-bound, bound))
-            if self._columns is not None:
-                owed[:, :edge].addmm_(self._columns[m, panel], low, alpha=self._scale)
-        if self._columns is not None:
-            self._below[m] = self._blocks(owed)
-        step = left.mT @ right[m] + (shrink - 1) * diagonal_blocks
+            owed[:, :edge].addmm_(self._columns[m, panel], low, alpha=self._scale)
+        self._below[m] = self._blocks(owed)
+        step = left.mT @ self._blocks(right) + (shrink - 1) * diagonal_blocks
         diagonal = diagonal_blocks.diagonal(dim1=1, dim2=2)
         step.diagonal(dim1=1, dim2=2).add_(pull / diagonal)
         diagonal_blocks.add_(step.clamp_(-self._most, self._most)).tril_()
@@ -318,11 +367,10 @@ class DeferredFactors:
         self._diag.diagonal(dim1=1, dim2=2).clamp_(min=self._sigma_min)
         blocks.zero_()
         self._low = low
-        self._scale, self._pending, self._ahead = 1.0, 0, None
-        self._noted, self._stale = set(), set()
+        self._noise = self._ahead = L.new_empty(0)  # made when there is noise to look ahead to
         self._U = self._V = L.new_empty(0)  # made when the first outer product is put off
-        if self._columns is not None:
-            self._below = self._blocks(self._rows(self._columns, self._padded) @ low)
+        self._settle()
+        self._below = self._blocks(self._columns.transpose(1, 2).flatten(2) @ low)
         self._largest = max(float(self._low.abs().max()), float(self._diag.abs().max()))
 
     def _diagonal_blocks(self, matrix: Tensor) -> Tensor:
@@ -332,13 +380,14 @@ class DeferredFactors:
 
     def _blocks(self, rows: Tensor) -> Tensor:
         """Vectors (..., k, up to padded) as blocks (..., P, k, width), padded with zeros."""
-        wide = pad(rows, (0, self._padded - rows.shape[-1]))
-        blocks: Tensor = wide.unflatten(-1, (self._panels, self._width))
-        return blocks.transpose(-2, -3).contiguous()
-
-    def _rows(self, blocks: Tensor, length: int) -> Tensor:
-        """Blocks (M, P, k, width) as vectors (M, k, length)."""
-        return blocks.transpose(1, 2).flatten(2)[:, :, :length]
+        *members, count, length = rows.shape
+        blocks = rows.new_zeros(*members, self._panels, count, self._width)
+        full, rest = divmod(length, self._width)
+        whole = rows[..., : length - rest].unflatten(-1, (full, self._width))
+        blocks[..., :full, :, :] = whole.transpose(-2, -3)
+        if rest:
+            blocks[..., full, :, :rest] = rows[..., length - rest :]
+        return blocks
 
 
 def _sums_after(blocks: Tensor) -> Tensor:

@@ -29,7 +29,7 @@ class Stream:
     def __init__(self, experiment: str, runs: Sequence[int], role: str) -> None:
         self._generators = [generator(experiment, run, role) for run in runs]
         self._kind: tuple[str, int] | None = None
-        self._block = torch.empty(0)
+        self._block = torch.empty(0, 0)
         self._next = 0
 
     def __len__(self) -> int:
@@ -47,7 +47,7 @@ class Stream:
         """Go on with some of the runs, by their places in the batch, in that order."""
         self._generators = [self._generators[row] for row in rows]
         if self._kind is not None:
-            self._block = self._block[:, rows]
+            self._block = self._block[rows]
 
     def _draw(self, kind: str, n: int) -> Tensor:
         if self._kind is None:
@@ -56,12 +56,14 @@ class Stream:
             raise ValueError(
                 f"this stream yields {self._kind[1]} {self._kind[0]} numbers a draw, not {n} {kind}"
             )
-        if self._next == len(self._block):
+        if self._next == self._block.shape[1]:
             ahead = max(1, min(256, BLOCK // max(1, n * len(self._generators))))
-            draws = [_numbers(g, kind, (ahead, n)) for g in self._generators]
-            self._block, self._next = torch.from_numpy(np.stack(draws, 1)), 0
+            block = np.empty((len(self._generators), ahead, n), np.float32)
+            for rng, numbers in zip(self._generators, block, strict=True):
+                _fill(rng, kind, numbers)
+            self._block, self._next = torch.from_numpy(block), 0
         self._next += 1
-        return self._block[self._next - 1]
+        return self._block[:, self._next - 1]
 
 
 def check_runs(runs: int, *streams: Stream) -> None:
@@ -71,9 +73,8 @@ def check_runs(runs: int, *streams: Stream) -> None:
             raise ValueError(f"there must be weights for each of {len(stream)} runs, got {runs}")
 
 
-def _numbers(rng: np.random.Generator, kind: str, shape: tuple[int, int]) -> np.ndarray:
-    return (
-        rng.standard_normal(shape, np.float32)
-        if kind == "normal"
-        else rng.random(shape, np.float32)
-    )
+def _fill(rng: np.random.Generator, kind: str, numbers: np.ndarray) -> None:
+    if kind == "normal":
+        rng.standard_normal(dtype=np.float32, out=numbers)
+    else:
+        rng.random(dtype=np.float32, out=numbers)
