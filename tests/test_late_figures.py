@@ -13,6 +13,7 @@ from vtlib.experiments.late_figures import (
     LATE_COLOURS,
     MARKERS,
     THESIS,
+    all_outcomes,
     bound_table,
     growth,
     intact,
@@ -93,6 +94,19 @@ def test_the_table_counts_the_runs_of_each_experiment():
             for x in late_runs(experiment).values()
         ]
         assert fallen == sum(lost)
+
+
+def test_what_the_pages_say_of_the_bound():
+    found = [all_outcomes(experiment) for experiment in BOTH.values()]
+    for above, exploded, _ in found:
+        assert not (exploded & ~above).any()
+        assert (above & ~exploded).any()
+    above, exploded, fallen = (np.concatenate(x) for x in zip(*found, strict=True))
+    assert (fallen & exploded).sum() > (fallen & ~exploded).sum() > 0
+    for experiment in BOTH.values():
+        _, exploded, fallen = outcomes(experiment, late_runs(experiment)["GVT", THESIS])
+        assert fallen.any()
+        assert not (fallen & ~exploded).any()
 
 
 def test_every_run_is_a_point_of_the_figure():

@@ -33,7 +33,7 @@ STEP = "step on $L$ over its bound"
 
 
 class Outcomes(NamedTuple):
-    """Whether (R,) of R runs a step on L came above its bound, the spread exploded, returns fell."""
+    """Whether (R,) a run's step on L came above its bound, its spread exploded, its return fell."""
 
     above: np.ndarray
     exploded: np.ndarray
