@@ -10,11 +10,12 @@ PYTHON ?= python3.11
 VENV   ?= .venv
 # For example --no-browser --port=9999.
 LAB_OPTIONS ?=
-# make reproduce ONLY="cartpole rooms-sliders" RUNS=2 JOBS=4, or SCHEDULER=tcp://host:8786
+# make reproduce ONLY="cartpole rooms-sliders" RUNS=2 JOBS=4, or SCHEDULER=tcp://host:8786; DEVICE=cuda
 ONLY ?=
 RUNS ?=
 JOBS ?=
 SCHEDULER ?=
+DEVICE ?=
 
 BIN     := $(VENV)/bin
 SET_UP  := $(VENV)/set-up-is-done
@@ -71,7 +72,8 @@ reproduce: $(SET_UP)
 	@echo "==> Computing stored runs again from nothing: all of them take hours, see the time left."
 	@echo "    Ctrl-C is safe: the same command goes on where it was stopped."
 	@$(BIN)/python -m vtlib reproduce $(addprefix --only ,$(ONLY)) $(addprefix --runs ,$(RUNS)) \
-		$(addprefix --jobs ,$(JOBS)) $(addprefix --scheduler ,$(SCHEDULER)); code=$$?; \
+		$(addprefix --jobs ,$(JOBS)) $(addprefix --scheduler ,$(SCHEDULER)) \
+		$(addprefix --device ,$(DEVICE)); code=$$?; \
 	if [ $$code -le 1 ] && [ -z "$(ONLY)$(RUNS)" ]; then \
 		$(BIN)/python book/_ext/build.py --results _build/reproduced || exit 1; \
 	fi; exit $$code

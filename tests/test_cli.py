@@ -327,7 +327,7 @@ def test_an_error_in_a_process_of_its_own_is_one_line_without_a_traceback(
 
 
 def test_a_killed_process_is_one_line(tiny, capsys, tmp_path, monkeypatch):
-    def broken(*_):
+    def broken(*_, **__):
         raise BrokenExecutor("a process died")
 
     monkeypatch.setattr(cli, "complete", broken)
@@ -339,6 +339,42 @@ def test_jobs_and_a_scheduler_exclude_each_other(tiny, capsys):
         cli.main(["run", "tiny", "--jobs", "2", "--scheduler", "tcp://localhost:1"])
     assert ended.value.code == 2
     assert "not allowed with argument" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("device", ["gpu", "cuda:", "cuda:-1", "cuda:²", "meta", ""])
+def test_a_device_of_another_kind_is_named(tiny, capsys, device):
+    with pytest.raises(SystemExit) as ended:
+        cli.main(["run", "tiny", "--device", device])
+    assert ended.value.code == 2
+    line = capsys.readouterr().err.strip().splitlines()[-1]
+    assert line.endswith(f"argument --device: must be cpu, cuda or cuda:N, got {device!r}")
+
+
+@pytest.mark.parametrize("command", [["run", "tiny"], ["reproduce"]])
+def test_a_device_that_is_not_there_is_refused_before_any_work(tiny, capsys, monkeypatch, command):
+    monkeypatch.setattr(torch.cuda, "device_count", lambda: 2)
+    for function in ("complete", "reproduce"):
+        monkeypatch.setattr(cli, function, None)
+    line = refused(capsys, *command, "--device", "cuda:2")
+    assert line == "vtlib: --device must be among the 2 of CUDA here, got cuda:2"
+
+
+@pytest.mark.parametrize("command", [["run", "tiny", "--results"], ["reproduce", "--fresh"]])
+def test_runs_that_transfer_are_computed_on_the_device(tiny, tmp_path, monkeypatch, command):
+    monkeypatch.setattr(torch.cuda, "device_count", lambda: 2)
+    monkeypatch.setattr(torch.cuda, "get_device_name", lambda device: f"a card called {device}")
+    given, run_batch = {}, runs_of.run_batch
+
+    def spy(experiment, label, runs, pool, progress, device):
+        given[label] = device
+        return run_batch(experiment, label, runs, pool, progress)
+
+    monkeypatch.setattr(runs_of, "run_batch", spy)
+    cli.main([*command, str(tmp_path), "--device", "cuda:1"])
+    assert given == {"NT": "cpu", "GVT": "cuda:1"}
+    for name in RESULTS:
+        device = store.provenance(tmp_path / name)["machine"].get("device")
+        assert device == ("a card called cuda:1" if name == "tiny/GVT" else None)
 
 
 def test_bench_prints_its_table(monkeypatch, capsys):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import re
 import sys
 from concurrent.futures import BrokenExecutor
 from pathlib import Path
@@ -62,6 +63,12 @@ def _parser() -> argparse.ArgumentParser:
         where.add_argument(
             "--scheduler", metavar="ADDRESS", help="of a Dask cluster to use instead"
         )
+        command.add_argument(
+            "--device",
+            type=_device,
+            default="cpu",
+            help="where posteriors and their networks are kept: cpu, or cuda",
+        )
     speed = commands.add_parser("bench", help="milliseconds per run and iteration on one core")
     speed.set_defaults(command=lambda options: bench.main())
     return parser
@@ -73,14 +80,24 @@ def _positive(text: str) -> int:
     return int(text)
 
 
+def _device(text: str) -> str:
+    if not re.fullmatch("cpu|cuda(:[0-9]{1,3})?", text):
+        raise argparse.ArgumentTypeError(f"must be cpu, cuda or cuda:N, got {text!r}")
+    return text
+
+
 def _workers(options: argparse.Namespace) -> Workers:
     if options.scheduler:
         return cluster(options.scheduler)
+    count, device = torch.cuda.device_count(), torch.device(options.device)
+    if device.type == "cuda" and (device.index or 0) >= count:
+        raise ValueError(f"--device must be among the {count} of CUDA here, got {options.device}")
     return processes(options.jobs or os.cpu_count() or 1)
 
 
 def _run(options: argparse.Namespace) -> int:
-    complete([named(options.experiment)], options.results, _workers(options))
+    experiments = [named(options.experiment)]
+    complete(experiments, options.results, _workers(options), device=options.device)
     print(f"{options.experiment} is complete under {options.results}")
     return 0
 
@@ -101,7 +118,8 @@ def _reproduce(options: argparse.Namespace) -> int:
     if options.runs:
         experiments = [first_runs(e, options.runs) for e in experiments]
         fresh = options.fresh or Path(f"_build/reproduced-{options.runs}")
-    comparisons = reproduce(experiments, options.results, fresh, _workers(options))
+    workers = _workers(options)
+    comparisons = reproduce(experiments, options.results, fresh, workers, options.device)
     for line in report(comparisons):
         print(line)
     return 1 if differing(comparisons) else 0

@@ -280,11 +280,11 @@ class DeferredFactors:
         step.left[m, panel, :, at] = 0.0
         pulled = (self._columns[m][panel, :, at] @ step.pulled[m]) * step.pull
         change.add_(pulled).add_(L, alpha=step.shrink - 1)
-        own = panel, torch.arange(len(row)), at
+        own = panel, torch.arange(len(row), device=row.device), at
         change[own] += step.pull / L[own]
         change.clamp_(-self._most, self._most)
         diagonal = (L[own] + change[own]).clamp_(min=self._sigma_min)
-        columns = torch.arange(self._padded).view(self._panels, 1, self._width)
+        columns = torch.arange(self._padded, device=row.device).view(L.shape[0], 1, -1)
         # what the step does to these rows all the same is taken off
         change.sub_(pulled).add_(L, alpha=1 - step.shrink).mul_(columns < row.unsqueeze(-1))
         return _Rows(m, panel, at, change, diagonal)
@@ -296,19 +296,19 @@ class DeferredFactors:
         if self._pending:
             U, V = (x[m, :, : self._rank + self._pending] for x in (self._U, self._V))
             rows = rows + U[panel, :, at] @ V
-        below = torch.arange(self._panels).unsqueeze(-1) < panel
+        below = torch.arange(self._panels, device=at.device).unsqueeze(-1) < panel
         rows = (rows * self._scale).mul_(below.unsqueeze(-1))
         blocks = self._diag.unflatten(0, (self._count, self._panels))
-        rows[panel, torch.arange(len(at))] = blocks[m, panel, at]
+        rows[panel, torch.arange(len(at), device=at.device)] = blocks[m, panel, at]
         return rows
 
     def _add_rows(self, rows: _Rows) -> None:
         """Add to rows of one member's L below the diagonal, and set their diagonal entries."""
         m, panel, at, change, diagonal = rows
         blocks = self._diag.unflatten(0, (self._count, self._panels))
-        blocks[m, panel, at] += change[panel, torch.arange(len(at))]
+        blocks[m, panel, at] += change[panel, torch.arange(len(at), device=at.device)]
         blocks[m, panel, at, at] = diagonal
-        below = torch.arange(self._panels).unsqueeze(-1) < panel
+        below = torch.arange(self._panels, device=at.device).unsqueeze(-1) < panel
         change = change * below.unsqueeze(-1)
         self._below[m] += self._columns[m][panel, :, at].T @ change
         whole, row = change.transpose(0, 1).flatten(1) / self._scale, panel * self._width + at

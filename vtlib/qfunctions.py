@@ -62,7 +62,7 @@ class RBFLinear:
         # the Gaussian and its normaliser both factor over the axes
         _check_observations(obs, 2)
         columns = obs.transpose(-1, -2).contiguous()
-        apart = columns.unsqueeze(-2) - self._centers.unsqueeze(-1)
+        apart = columns.unsqueeze(-2) - self._centers.to(obs.device).unsqueeze(-1)
         axes = apart.square_().mul_(-self._rate)
         axes = axes.sub_(axes.amax(-2, keepdim=True)).clamp_(min=FAR).exp_()
         axes = axes.div_(axes.sum(-2, keepdim=True))

@@ -110,9 +110,11 @@ def _bits(array: np.ndarray) -> tuple[str, tuple[int, ...], bytes]:
     return array.dtype.str, array.shape, array.tobytes()
 
 
-def machine() -> dict[str, str]:
-    """Versions and processor, for the provenance of a result."""
+def machine(device: str = "cpu") -> dict[str, str]:
+    """Versions and processor, and the device unless it is that, for the provenance of a result."""
+    beside = {} if device == "cpu" else {"device": torch.cuda.get_device_name(device)}
     return {
+        **beside,
         "python": platform.python_version(),
         "torch": torch.__version__,
         "numpy": np.__version__,

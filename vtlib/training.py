@@ -78,7 +78,7 @@ def train(
             check_finite(agent.mu, names, t)
             kept.append(t)
             learning.append(episodes.returns.mean().numpy())
-            greedy.append(evaluate(agent.mu).numpy())
+            greedy.append(evaluate(agent.mu.cpu()).numpy())
             if progress is not None and not progress(t):
                 break
     shape = (0, len(names))
@@ -92,7 +92,7 @@ def train(
 
 def fingerprint(agent: Agent, episodes: Stepper) -> np.ndarray:
     """Four numbers (R, 4) that any change of a run's course would change."""
-    mu = agent.mu.detach().double().flatten(1)
+    mu = agent.mu.detach().cpu().double().flatten(1)
     parts = [mu.sum(1), mu.square().sum(1), episodes.obs.double().sum(1)]
     return torch.stack([*parts, episodes.returns.mean().double()], 1).numpy()
 

@@ -122,7 +122,8 @@ class PatientSettings(Settings):
 class VariationalTransfer:
     """Algorithm 1 for R runs in lock-step: ``act``, then ``learn`` from the transition.
 
-    sources: (R, S, d), the S source weights of each run. noise, component and replay are the
+    sources: (R, S, d), the S source weights of each run; the posterior and its gradients live on
+    their device, observations and actions on the processor. noise, component and replay are the
     streams of posterior samples, of the acting component and of mini-batches. ``mu`` (R, C, d) are
     the posterior's means. Raises ValueError when sources are missing, not finite, not float32 or
     not of the Q-function's shape.
@@ -145,6 +146,7 @@ class VariationalTransfer:
         check_runs(len(sources), noise, component, replay)
         sources = sources.detach()
         self._q, self._settings, self._sources = q, settings, sources
+        self._device = sources.device
         self._noise, self._component, self._replay = noise, component, replay
         posterior, self._precision = self._start()
         self.mu = posterior.mu
@@ -170,9 +172,9 @@ class VariationalTransfer:
         if self._settings.act == "step":
             self._acting = draw
         else:
-            self._acting = torch.where(fresh.view(-1, 1, 1), draw, self._acting)
-        values = self._q.q(self._acting, self._q.prepare(obs.unsqueeze(1)))
-        return values[:, 0, :, 0].argmax(-1)
+            self._acting = torch.where(fresh.view(-1, 1, 1).to(self._device), draw, self._acting)
+        values = self._q.q(self._acting, self._q.prepare(obs.unsqueeze(1).to(self._device)))
+        return values[:, 0, :, 0].argmax(-1).cpu()
 
     def learn(self, transition: Transition) -> None:
         """Store one transition of each run and take one gradient step on eq. 5.2."""
@@ -181,7 +183,7 @@ class VariationalTransfer:
         self._steps += 1
         batch = self._buffer.sample(self._replay.uniform(s.batch))
         if self._steps > s.patience:
-            self._descend(batch)
+            self._descend(Transition(*(x.to(self._device) for x in batch)))
         self._sample()
 
     def remembered(self, u: Tensor) -> Transition:
@@ -226,7 +228,7 @@ class VariationalTransfer:
         count, ahead = self._settings.weights + 1, self._factors.ahead
         at = self._steps % ahead
         if at == 0:
-            noise = self._noise.normal(ahead * components * count * d)
+            noise = self._noise.normal(ahead * components * count * d).to(self._device)
             noise = noise.view(runs, ahead, components, count, d).transpose(0, 1)
             self._noise_ahead = noise.flatten(1, 2)
             self._factors.look_ahead(self._noise_ahead)
@@ -241,6 +243,7 @@ class VariationalTransfer:
         if components == 1:
             return draws
         index = (self._component.uniform(1) * components).long().clamp_(max=components - 1)
+        index = index.to(self._device)
         return draws.gather(1, index.unsqueeze(-1).expand(-1, -1, d))
 
 

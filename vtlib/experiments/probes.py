@@ -77,7 +77,7 @@ class CoverageProbe:
         assert isinstance(agent, VariationalTransfer)
         runs, components, d = agent.mu.shape
         noise = self._noise.normal(components * SAMPLES * d).view(runs, components, SAMPLES, d)
-        weights = posterior_samples(agent.mu.detach(), agent.L, noise)
+        weights = posterior_samples(agent.mu.detach().cpu(), agent.L.cpu(), noise)
         values = values_at(self._q, weights, self._obs, self._action)
         self._inside.append(inside(values, self._truths))
         self._off.append((values.mean(1) - self._truths).mean(-1))
@@ -99,11 +99,11 @@ def value_and_spread(
 
     (R,) each, averaged over states obs (R, B, obs_dim), the deviation also over actions.
     """
-    mu = agent.mu.detach()
+    mu, L = agent.mu.detach().cpu(), agent.L.cpu()
     runs, components, d = mu.shape
     draws = noise.normal(components * FEWER * d).view(runs, components, FEWER, d)
     x = q.prepare(obs)
-    spread = q.q(posterior_samples(mu, agent.L, draws), x).std(1).mean((1, 2))
+    spread = q.q(posterior_samples(mu, L, draws), x).std(1).mean((1, 2))
     return mellowmax(q.q(mu, x), kappa, 2).mean((1, 2)), spread
 
 
@@ -120,7 +120,7 @@ class StabilityProbe:
     def look(self, agent: Agent) -> None:
         """Note the value of the mean, the values' spread, and the step on L against its bound."""
         assert isinstance(agent, VariationalTransfer)
-        s, mu = self._settings, agent.mu.detach()
+        s, mu = self._settings, agent.mu.detach().cpu()
         batch = agent.remembered(self._remembered.uniform(self._count))
         value, spread = value_and_spread(self._q, agent, batch.obs, self._noise, s.kappa)
         steps = []

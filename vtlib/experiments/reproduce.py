@@ -40,13 +40,17 @@ def first_runs(experiment: Experiment, runs: int) -> Experiment:
 
 
 def reproduce(
-    experiments: Sequence[Experiment], root: Path, fresh: Path, workers: Workers
+    experiments: Sequence[Experiment],
+    root: Path,
+    fresh: Path,
+    workers: Workers,
+    device: str = "cpu",
 ) -> list[Comparison]:
     """Compute the experiments under ``fresh``, resuming there, and compare with those under root.
 
     An experiment may have fewer runs than the stored one of its name: its first.
     """
-    complete(experiments, fresh, workers)
+    complete(experiments, fresh, workers, device=device)
     results = {(o.name, label): (o, label) for e in experiments for o, label in results_of(e)}
     return [_compare(owner, label, root, fresh) for owner, label in results.values()]
 

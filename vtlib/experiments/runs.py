@@ -66,12 +66,17 @@ def chosen_sources(experiment: Experiment, runs: Sequence[int]) -> np.ndarray:
 
 
 def prepare(
-    experiment: Experiment, label: str, algorithm: Algorithm, runs: Sequence[int], pool: np.ndarray
+    experiment: Experiment,
+    label: str,
+    algorithm: Algorithm,
+    runs: Sequence[int],
+    pool: np.ndarray,
+    device: str = "cpu",
 ) -> Batch:
     """Agents, episodes and evaluation of some runs; pool (count, d) are the source weights.
 
-    label names the algorithm in errors. Raises ValueError when an algorithm that transfers is given
-    weights that are not finite, not float32 or of another shape.
+    label names the algorithm in errors. Posteriors live on the device. Raises ValueError when an
+    algorithm that transfers is given weights that are not finite, not float32 or of another shape.
     """
     q, tasks = domain(experiment.family).q(), targets(experiment, runs)
 
@@ -87,7 +92,7 @@ def prepare(
     else:
         check_pool_weights(experiment.pool, pool)
         chosen = chosen_sources(experiment, runs)[:, : experiment.sources_of(label)]
-        sources = torch.from_numpy(pool[chosen])
+        sources = torch.from_numpy(pool[chosen]).to(device)
         three = stream("posterior"), stream("component"), stream("replay")
         if isinstance(algorithm, DeviatingSettings):
             agent = DeviatingTransfer(q, sources, tasks.obs_dim, algorithm, *three)
@@ -108,10 +113,11 @@ def run_batch(
     runs: Sequence[int],
     pool: np.ndarray,
     progress: Callable[[int], bool] | None = None,
+    device: str = "cpu",
 ) -> dict[str, np.ndarray]:
     """Train some runs of the algorithm of that label to the experiment's end: arrays to store."""
     algorithm = experiment.algorithms[label]
-    batch = prepare(experiment, label, algorithm, runs, pool)
+    batch = prepare(experiment, label, algorithm, runs, pool, device)
     probe = None
     if experiment.probes:
         assert isinstance(algorithm, Settings)  # as the experiment has checked

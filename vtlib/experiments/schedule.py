@@ -78,12 +78,16 @@ Workers = Callable[[Progress], AbstractContextManager[Executor]]
 
 
 def complete(
-    experiments: Sequence[Experiment], root: Path, workers: Workers, quiet: bool = False
+    experiments: Sequence[Experiment],
+    root: Path,
+    workers: Workers,
+    quiet: bool = False,
+    device: str = "cpu",
 ) -> None:
     """Compute whatever the experiments, and the pools that they need, still lack under root.
 
-    Raises, before any work, ValueError where root cannot be a folder, store.TornResult where
-    something stored there is not theirs.
+    The posteriors of runs live on the device. Raises, before any work, ValueError where root
+    cannot be a folder, store.TornResult where something stored there is not theirs.
     """
     try:
         root.mkdir(parents=True, exist_ok=True)
@@ -100,7 +104,7 @@ def complete(
     try:
         if missing:
             with workers(progress) as executor:
-                _compute_all(missing, units, root, executor, progress)
+                _compute_all(missing, units, root, executor, progress, device)
     finally:
         progress.close()
     _drop_empty(root / PARTS)
@@ -112,6 +116,7 @@ def _compute_all(
     root: Path,
     executor: Executor,
     progress: Progress,
+    device: str,
 ) -> None:
     waiting, running = list(missing), dict[Future[Finished], Unit]()
     weights: dict[str, np.ndarray] = {}
@@ -125,7 +130,7 @@ def _compute_all(
             if pool and pool.name not in weights:
                 weights[pool.name] = pool_weights(pool, root)
             given = weights[pool.name] if pool else None
-            running[executor.submit(_in_worker, unit, given)] = unit
+            running[executor.submit(_in_worker, unit, given, device)] = unit
         waiting = blocked
         finished, _ = wait(running, return_when=FIRST_COMPLETED)
         # what is done is kept before an error of another unit ends the work
@@ -193,14 +198,14 @@ def _end_with_parent() -> None:
     os._exit(1)
 
 
-def _in_worker(unit: Unit, weights: np.ndarray | None) -> Finished:
+def _in_worker(unit: Unit, weights: np.ndarray | None, device: str) -> Finished:
     torch.set_num_threads(1)
 
     def report(share: float) -> None:
         if _queue is not None:
             _queue.put((str(unit.part), share))
 
-    return compute(unit, weights, report)
+    return compute(unit, weights, report, device)
 
 
 def _watch(queue: Queue[Message], progress: Progress) -> None:

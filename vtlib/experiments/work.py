@@ -25,6 +25,7 @@ from vtlib.experiments import POOLS, named
 from vtlib.experiments import runs as runs_of
 from vtlib.experiments.experiment import Experiment
 from vtlib.sources import Pool, check_pool_weights, solve
+from vtlib.transfer import Settings
 
 BATCH = 10  # runs that advance together; fixed, so that results never depend on the processes
 SOURCE_BATCH = 25  # at most: a small pool is cut in two, for two cores
@@ -81,21 +82,32 @@ def _chunks(count: int, size: int) -> list[tuple[int, ...]]:
 
 
 def compute(
-    unit: Unit, weights: np.ndarray | None, report: Callable[[float], None] = lambda share: None
+    unit: Unit,
+    weights: np.ndarray | None,
+    report: Callable[[float], None] = lambda share: None,
+    device: str = "cpu",
 ) -> tuple[store.Arrays, store.Note]:
     """The arrays of one unit, and what it took: seconds of processor, megabytes of memory, machine.
 
-    weights (count, d) are those of the pool that runs transfer from; report is told the share done.
+    weights (count, d) are those of the pool that runs transfer from; report is told the share done;
+    posteriors live on the device, all else on the processor.
     """
+    if not _transfers(unit):
+        device = "cpu"
     _forget_peak()
     began = time.process_time()
-    arrays = _compute(unit, weights, report)
+    arrays = _compute(unit, weights, report, device)
     seconds = round(time.process_time() - began, 2)
-    return arrays, {"seconds": seconds, "megabytes": _peak(), "machine": store.machine()}
+    return arrays, {"seconds": seconds, "megabytes": _peak(), "machine": store.machine(device)}
+
+
+def _transfers(unit: Unit) -> bool:
+    owner = unit.owner
+    return isinstance(owner, Experiment) and isinstance(owner.algorithms.get(unit.label), Settings)
 
 
 def _compute(
-    unit: Unit, weights: np.ndarray | None, report: Callable[[float], None]
+    unit: Unit, weights: np.ndarray | None, report: Callable[[float], None], device: str
 ) -> store.Arrays:
     owner = unit.owner
     if isinstance(owner, Pool):
@@ -108,7 +120,7 @@ def _compute(
         return True
 
     assert weights is not None
-    return runs_of.run_batch(owner, unit.label, unit.members, weights, progress)
+    return runs_of.run_batch(owner, unit.label, unit.members, weights, progress, device)
 
 
 def _forget_peak() -> None:
