@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 
 import numpy as np
@@ -104,9 +105,12 @@ def test_what_the_pages_say_of_the_bound():
     above, exploded, fallen = (np.concatenate(x) for x in zip(*found, strict=True))
     assert (fallen & exploded).sum() > (fallen & ~exploded).sum() > 0
     for experiment in BOTH.values():
-        _, exploded, fallen = outcomes(experiment, late_runs(experiment)["GVT", THESIS])
+        runs = late_runs(experiment)
+        _, exploded, fallen = outcomes(experiment, runs["GVT", THESIS])
         assert fallen.any()
         assert not (fallen & ~exploded).any()
+        for label, remedy in itertools.product(MARKERS, ("smaller steps on L", "full gradient")):
+            assert not outcomes(experiment, runs[label, remedy]).fallen.any()
 
 
 def test_every_run_is_a_point_of_the_figure():

@@ -83,21 +83,21 @@ def all_outcomes(experiment: Experiment) -> Outcomes:
 
 def bound_table(experiments: Mapping[str, Experiment]) -> str:
     """How well the bound foretells what becomes of runs, as an HTML table; a column for each."""
-    rows = {}
-    for title, experiment in experiments.items():
+    columns = []
+    for experiment in experiments.values():
         above, exploded, fallen = all_outcomes(experiment)
-        rows[title] = {
-            "runs": len(above),
-            "whose step comes above the bound": above.sum(),
-            "and whose posterior explodes": (above & exploded).sum(),
-            "whose step stays below": (~above).sum(),
-            "and whose posterior explodes all the same": (~above & exploded).sum(),
-            f"that end below {FALLEN:.0%} of the optimum": fallen.sum(),
-            "and whose posterior has exploded": (fallen & exploded).sum(),
-        }
-    names = next(iter(rows.values()))
-    cells = [[name, *(str(column[name]) for column in rows.values())] for name in names]
-    return html_table(["", *rows], cells)
+        counted = (above, above & exploded, ~above, ~above & exploded, fallen, fallen & exploded)
+        columns.append([str(len(above)), *(str(int(which.sum())) for which in counted)])
+    names = [
+        "runs",
+        "whose step comes above the bound",
+        "of these, the posterior explodes in",
+        "whose step stays below the bound",
+        "of these, the posterior explodes in",
+        f"that end below {FALLEN:.0%} of the optimum",
+        "of these, the posterior has exploded in",
+    ]
+    return html_table(["", *experiments], [list(row) for row in zip(names, *columns, strict=True)])
 
 
 def step_after(experiment: Experiment, label: str, iterations: int, pool: np.ndarray) -> float:
