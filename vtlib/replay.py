@@ -32,12 +32,12 @@ class ReplayBuffer:
     with its content up to ``capacity``.
     """
 
-    def __init__(self, runs: int, capacity: int, obs_dim: int, device: str = "cpu") -> None:
+    def __init__(self, runs: int, capacity: int, obs_dim: int) -> None:
         check_whole("capacity", capacity)
         self._capacity = capacity
         self._obs_dim = obs_dim
         # one row per transition (obs, next_obs, action, reward, terminal): one write, one gather
-        self._rows = torch.zeros(runs, min(capacity, 1024), 2 * obs_dim + 3, device=device)
+        self._rows = torch.zeros(runs, min(capacity, 1024), 2 * obs_dim + 3)
         self._added = 0
 
     def __len__(self) -> int:
