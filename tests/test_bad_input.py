@@ -40,7 +40,7 @@ from vtlib.envs.rooms import RoomsFamily, even_walls
 from vtlib.experiments import EXPERIMENTS, POOLS, Experiment, work
 from vtlib.experiments import runs as runs_of
 from vtlib.experiments.experiment import slider_lambdas, sliders_of
-from vtlib.experiments.verify import mismatches
+from vtlib.experiments.verify import check_heads
 from vtlib.qfunctions import MLP, ModuleQ, RBFLinear
 from vtlib.replay import ReplayBuffer, Transition
 from vtlib.sources import MazePool, NetworkPool, Pool
@@ -1036,7 +1036,7 @@ def test_a_provenance_without_seconds_is_one_line(complete, tmp_path, name, seco
 
 @pytest.mark.parametrize("member", [2, -1, 1.0, None, True])
 def test_a_run_that_is_not_stored_cannot_be_verified(complete, member):
-    assert "got " in refused(mismatches, "tiny", "GVT", complete, [member])
+    assert "got " in refused(check_heads, "tiny", "GVT", complete, [member])
 
 
 def test_a_folder_whose_name_has_lines_is_shown_in_one(complete, tmp_path):

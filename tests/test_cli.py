@@ -183,7 +183,7 @@ def test_an_unknown_experiment_is_refused_before_any_work(tiny, tmp_path, capsys
 
 
 def test_one_unknown_among_known_ones_is_refused_before_any_work(stored, capsys, monkeypatch):
-    monkeypatch.setattr(cli, "mismatches", None)
+    monkeypatch.setattr(cli, "check_heads", None)
     monkeypatch.setattr(cli, "reproduce", None)
     refused(capsys, "verify", "tiny", "romos", "--results", stored)
     refused(capsys, "reproduce", "--only", "tiny", "--only", "romos", "--results", stored)

@@ -10,7 +10,7 @@ import torch
 from vtlib import streams, transfer
 from vtlib.envs.rooms import Rooms
 from vtlib.experiments import ROOMS_EVALUATION
-from vtlib.experiments.verify import mismatches
+from vtlib.experiments.verify import check_heads
 from vtlib.store import results_folder
 
 RUN = 7
@@ -49,7 +49,7 @@ def leaking_wall(monkeypatch) -> None:
 
 
 def differs() -> bool:
-    return bool(mismatches(ROOMS_EVALUATION.name, "1-MGVT", results_folder(), [RUN]))
+    return bool(check_heads(ROOMS_EVALUATION.name, "1-MGVT", results_folder(), [RUN]).wrong)
 
 
 def test_without_a_fault_nothing_differs():

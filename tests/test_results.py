@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from vtlib.experiments import EXPERIMENTS, POOLS
-from vtlib.experiments.verify import mismatches, results_of
+from vtlib.experiments.verify import check_heads, results_of
 from vtlib.experiments.work import load_result
 from vtlib.store import results_folder
 
@@ -70,4 +70,4 @@ def test_runs_drawn_at_random_recompute():
         owner, label = PAIRS[at]
         count = len(load_result(owner, label, ROOT)[0].get("run", [0]))
         member = int(rng.integers(count))
-        assert mismatches(owner, label, ROOT, [member]) == [], f"drawn with seed {seed}"
+        assert check_heads(owner, label, ROOT, [member]).wrong == [], f"drawn with seed {seed}"

@@ -105,8 +105,8 @@ def test_a_stored_result_is_readable_without_vtlib(stored):
 
 def test_stored_runs_verify_whole_and_one_by_one(stored):
     for owner, label in verify.results_of("tiny"):
-        assert verify.mismatches(owner, label, stored) == []
-    assert verify.mismatches("tiny", "2-MGVT", stored, members=[2]) == []
+        assert verify.check_heads(owner, label, stored).wrong == []
+    assert verify.check_heads("tiny", "2-MGVT", stored, members=[2]).wrong == []
 
 
 @pytest.mark.parametrize("label", ["GVT", "2-MGVT", "NT"])
@@ -114,7 +114,7 @@ def test_a_shifted_seed_does_not_verify(stored, label, monkeypatch):
     shifted = replace(TINY, stream="other")
     monkeypatch.setitem(EXPERIMENTS, "tiny", shifted)
     monkeypatch.setattr(work, "_check_config", lambda *a: None)
-    assert verify.mismatches("tiny", label, stored) == [0, 1, 2]
+    assert verify.check_heads("tiny", label, stored).wrong == [0, 1, 2]
 
 
 def test_changed_arrays_do_not_verify(stored):
@@ -123,7 +123,7 @@ def test_changed_arrays_do_not_verify(stored):
     store.remove(path)
     arrays["fingerprints"][1, 2, 0] += 1.0
     store.save(path, arrays, note)
-    assert verify.mismatches("tiny", "NT", stored) == [1]
+    assert verify.check_heads("tiny", "NT", stored).wrong == [1]
 
 
 def test_a_result_of_another_configuration_is_refused(stored, monkeypatch):

@@ -16,7 +16,7 @@ from vtlib.checks import one_line
 from vtlib.experiments import EXPERIMENTS, named
 from vtlib.experiments.reproduce import differing, first_runs, report, reproduce
 from vtlib.experiments.schedule import Workers, cluster, complete, processes
-from vtlib.experiments.verify import mismatches, results_of
+from vtlib.experiments.verify import check_heads, results_of
 from vtlib.training import Diverged
 
 
@@ -106,9 +106,12 @@ def _verify(options: argparse.Namespace) -> int:
     names = options.experiment or list(EXPERIMENTS)
     bad = 0
     for owner, label in dict.fromkeys(pair for name in names for pair in results_of(name)):
-        wrong = mismatches(owner, label, options.results)
+        wrong, parted = check_heads(owner, label, options.results)
         bad += len(wrong)
-        print(f"{owner}/{label}: {f'differs in {wrong}' if wrong else 'verified'}", flush=True)
+        outcome = f"differs in {wrong}" if wrong else "verified"
+        if parted:
+            outcome += f", {parted} until rounding parted them"
+        print(f"{owner}/{label}: {outcome}", flush=True)
     return 1 if bad else 0
 
 

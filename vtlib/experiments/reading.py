@@ -9,7 +9,7 @@ import numpy as np
 
 from vtlib.claims import Returns
 from vtlib.experiments import named
-from vtlib.experiments.verify import mismatches
+from vtlib.experiments.verify import check_heads
 from vtlib.experiments.work import load_result
 from vtlib.store import results_folder
 
@@ -38,6 +38,8 @@ def provenance(name: str, root: Path | None = None) -> list[dict[str, Any]]:
 
 def live_check(name: str, label: str, run: int, root: Path | None = None) -> str:
     """Recompute the head of one stored run and say whether it leaves the stored fingerprints."""
-    differs = mismatches(name, label, root or results_folder(), [run])
-    outcome = "does NOT leave" if differs else "leaves"
-    return f"Run {run} of {label}, computed anew just now, {outcome} the stored fingerprints."
+    wrong, parted = check_heads(name, label, root or results_folder(), [run])
+    outcome = f"{'does NOT leave' if wrong else 'leaves'} the stored fingerprints"
+    if parted:
+        outcome += " until rounding, which is not this processor's, sends it elsewhere"
+    return f"Run {run} of {label}, computed anew just now, {outcome}."

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,23 +19,30 @@ from vtlib.experiments.work import load_result, pool_weights
 RELATIVE = 1e-3
 ABSOLUTE = 1e-3
 # Learning is chaotic: on a processor of another kind rounding sends one run in a hundred elsewhere
-# within these iterations. A fault sends most of them elsewhere.
+# within these iterations, but none in the first. A fault sends most of them elsewhere.
 LOOKED_AT = 10
 PARTED = 0.3
 
 
-def mismatches(
-    owner: str, label: str, root: Path, members: Sequence[int] | None = None
-) -> list[int]:
-    """Members (runs or sources) of a stored result whose recomputed head differs from it.
+class Heads(NamedTuple):
+    """Members (runs or sources) whose recomputed head differs from the stored one.
 
-    All members unless some are named. Where the processor is of another kind than the stored
-    result's, a few that differ among many that do not are taken for rounding. Raises as
-    ``load_result`` does.
+    wrong: for a reason. parted: by rounding, and after the first fingerprint.
+    """
+
+    wrong: list[int]
+    parted: list[int]
+
+
+def check_heads(owner: str, label: str, root: Path, members: Sequence[int] | None = None) -> Heads:
+    """Recompute the heads of a stored result's members, all of them unless some are named.
+
+    Where the processor is of another kind than the stored result's, heads that share the first
+    fingerprint are taken for rounding, if they are few among many. Raises as ``load_result`` does.
     """
     arrays, note = load_result(owner, label, root)
     if label == "tasks":
-        return _task_mismatches(owner, arrays)
+        return Heads(_task_mismatches(owner, arrays), [])
     count = POOLS[owner].count if owner in POOLS else named(owner).runs
     chosen = list(range(count) if members is None else members)
     for member in chosen:
@@ -42,12 +50,14 @@ def mismatches(
     stored = arrays.get("fingerprints", np.zeros(0))
     if stored.shape[:1] != (count,) or stored.dtype.kind != "f":
         raise store.TornResult(f"{root / owner / label} does not hold {count} fingerprints")
-    differ = _differing(owner, label, root, chosen, stored)
-    if not differ or not _computed_elsewhere(note):
-        return differ
-    more = [m for m in range(count) if m not in chosen][: max(0, LOOKED_AT - len(chosen))]
-    parted = [*differ, *_differing(owner, label, root, more, stored)]
-    return differ if len(parted) > PARTED * len([*chosen, *more]) else []
+    early, late = _differing(owner, label, root, chosen, stored)
+    if not late or not _computed_elsewhere(note):
+        return Heads(sorted(early + late), [])
+    others = [m for m in range(count) if m not in chosen][: max(0, LOOKED_AT - len(chosen))]
+    among_others = _differing(owner, label, root, others, stored)
+    if len(early + late) + sum(map(len, among_others)) > PARTED * len(chosen + others):
+        return Heads(sorted(early + late), [])
+    return Heads(early, late)
 
 
 def _computed_elsewhere(note: store.Note) -> bool:
@@ -58,18 +68,21 @@ def _computed_elsewhere(note: store.Note) -> bool:
 
 def _differing(
     owner: str, label: str, root: Path, members: Sequence[int], stored: np.ndarray
-) -> list[int]:
+) -> tuple[list[int], list[int]]:
+    """The members whose heads differ in the first fingerprint, and those that do so later."""
     if not members:
-        return []
+        return [], []
     if owner in POOLS:
         computed = sources.head(POOLS[owner], members)
     else:
         experiment = named(owner)
         computed = runs_of.head(experiment, label, members, pool_weights(experiment.pool, root))
     if computed.shape[1:] != stored.shape[1:]:
-        return list(members)
-    alike = np.isclose(computed, stored[members], RELATIVE, ABSOLUTE)
-    return [m for m, same in zip(members, alike.all((1, 2)), strict=True) if not same]
+        return list(members), []
+    alike = np.isclose(computed, stored[members], RELATIVE, ABSOLUTE).all(2)
+    early = [m for m, same in zip(members, alike[:, 0], strict=True) if not same]
+    late = [m for m, same in zip(members, alike.all(1), strict=True) if not same]
+    return early, [m for m in late if m not in early]
 
 
 def _task_mismatches(owner: str, arrays: store.Arrays) -> list[int]:
