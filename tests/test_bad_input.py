@@ -170,6 +170,7 @@ POOL_FIELDS = {
     "iterations": no_whole(),
     "limit": no_whole(),
     "check_every": no_whole(),
+    "attempts": no_whole(),
     "episodes": no_whole(),
     "required": not_between(0, 1),
     "settings": NO_KIND | st.just(Settings()),

@@ -153,6 +153,74 @@ def test_solved_is_relative_to_the_optimum_by_the_required_share(scripted, requi
     assert arrays["solved"].tolist() == [solved]
 
 
+@pytest.fixture
+def attempted(monkeypatch):
+    """Solve the first sources of a pool with a script for each attempt; which sources had it."""
+
+    def run(*returns: Sequence[Sequence[float]]):
+        scripts = [Script(one) for one in returns]
+        waiting, asked = iter(scripts), []
+        training = sources.SourceTraining
+
+        def begin(pool: Pool, members: Sequence[int], attempt: int) -> SourceTraining:
+            asked.append((attempt, list(members)))
+            return training(pool, members, attempt)
+
+        monkeypatch.setattr(sources, "GreedyReturn", lambda *_: next(waiting))
+        monkeypatch.setattr(sources, "SourceTraining", begin)
+        pool = replace(TINY, limit=220, attempts=3)
+        return solve(pool, range(len(returns[0][0]))), scripts, asked
+
+    return run
+
+
+def test_only_unsolved_sources_begin_anew_and_their_iterations_add_up(attempted):
+    arrays, scripts, asked = attempted(
+        [[0.0, 0.8, 0.1], [0.2, 0.0, 0.1]], [[0.8, 0.0], [0.0, 0.0]], [[0.0], [0.8]]
+    )
+    assert asked == [(0, [0, 1, 2]), (1, [0, 2]), (2, [2])]
+    assert arrays["solved"].all()
+    assert list(arrays["iterations"]) == [220 + 210, 210, 2 * 220 + 220]
+    for source, (attempt, check, place) in enumerate([(1, 0, 0), (0, 0, 1), (2, 1, 0)]):
+        kept = scripts[attempt].seen[check][place]
+        np.testing.assert_array_equal(arrays["weights"][source], kept)
+
+
+def test_a_source_that_no_attempt_solves_keeps_the_best_of_all(attempted):
+    arrays, scripts, asked = attempted([[0.1], [0.3]], [[0.5], [0.2]], [[0.5], [0.4]])
+    assert len(asked) == 3
+    assert not arrays["solved"].any()
+    np.testing.assert_allclose(arrays["greedy"], [0.5])
+    assert list(arrays["iterations"]) == [220 + 210]
+    np.testing.assert_array_equal(arrays["weights"][0], scripts[1].seen[0][0])
+
+
+def test_an_attempt_that_solves_is_kept_whatever_was_earned_before(attempted, monkeypatch):
+    # a domain's measure need not be the mean return
+    odd = replace(DOMAINS[RoomsFamily], passes=lambda returns, *_: returns.mean(1) < 0.4)
+    monkeypatch.setitem(DOMAINS, RoomsFamily, odd)
+    arrays, *_ = attempted([[0.5], [0.6]], [[0.3]])
+    assert arrays["solved"].all()
+    np.testing.assert_allclose(arrays["greedy"], [0.3])
+    assert list(arrays["iterations"]) == [220 + 210]
+
+
+def test_attempts_share_their_first_weights_and_no_random_numbers():
+    first, second = (SourceTraining(CARTS, [0], attempt) for attempt in (0, 1))
+    assert torch.equal(first.agent.mu, second.agent.mu)
+    assert not torch.equal(first.episodes.obs, second.episodes.obs)
+    uniforms = [x.agent._exploration.uniform(5) for x in (first, second)]
+    assert not torch.equal(*uniforms)
+    assert not torch.equal(*(x.agent._replay.uniform(5) for x in (first, second)))
+
+
+def test_the_fingerprints_are_those_of_the_first_attempt():
+    pool = replace(TINY, attempts=2)
+    np.testing.assert_array_equal(
+        solve(pool, range(2))["fingerprints"], solve(TINY, range(2))["fingerprints"]
+    )
+
+
 def test_solving_in_other_batches_gives_the_same():
     together = solve(TINY, range(4))
     for part in ([0, 1], [3, 2]):

@@ -19,6 +19,7 @@ from vtlib.domains import DOMAINS
 from vtlib.envs.rooms import RoomsFamily
 from vtlib.experiments import EXPERIMENTS, POOLS, Experiment, named, schedule, verify, work
 from vtlib.experiments.schedule import complete
+from vtlib.experiments.work import load_result
 from vtlib.sources import Pool
 from vtlib.training import Diverged
 from vtlib.transfer import Settings
@@ -130,6 +131,12 @@ def test_a_result_of_another_configuration_is_refused(stored, monkeypatch):
     monkeypatch.setitem(EXPERIMENTS, "tiny", replace(TINY, iterations=240))
     with pytest.raises(store.TornResult, match="another configuration"):
         work.load_result("tiny", "NT", stored)
+
+
+def test_sources_of_one_attempt_are_not_those_of_several(stored, monkeypatch):
+    monkeypatch.setitem(POOLS, POOL.name, replace(POOL, attempts=2))
+    with pytest.raises(store.TornResult, match="another configuration"):
+        load_result(POOL.name, "sources", stored)
 
 
 def test_finished_units_are_not_computed_again(stored, monkeypatch):

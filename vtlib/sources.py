@@ -25,9 +25,10 @@ class Pool:
 
     A source is kept at the first check, from ``iterations`` on, at which its greedy policy passes:
     over ``episodes`` episodes it reaches the ``required`` share, by its domain's measure. The
-    others are trained on, up to ``limit`` iterations. Rooms sources start their episodes anywhere
-    in the square: from the corner alone, chance rarely finds the goal. Raises ValueError for a
-    value outside its range.
+    others are trained on, up to ``limit`` iterations, and then begin anew, from the same weights
+    with other random numbers, until they have had so many ``attempts``. Rooms sources start their
+    episodes anywhere in the square: from the corner alone, chance rarely finds the goal. Raises
+    ValueError for a value outside its range.
     """
 
     name: str
@@ -38,6 +39,7 @@ class Pool:
     check_every: int = 1_000
     episodes: int = 200
     required: float = 0.9
+    attempts: int = 1
     settings: MellowTDSettings | DDQNSettings = field(
         default_factory=lambda: MellowTDSettings(epsilon_steps=14_000)
     )
@@ -45,7 +47,7 @@ class Pool:
     def __post_init__(self) -> None:
         check_name("name", self.name)
         check_kind("family", self.family, Family)
-        for name in ("count", "iterations", "limit", "check_every", "episodes"):
+        for name in ("count", "iterations", "limit", "check_every", "episodes", "attempts"):
             check_whole(name, getattr(self, name))
         check_between("required", self.required, 0, 1)
         check_kind("settings", self.settings, MellowTDSettings | DDQNSettings)
@@ -121,11 +123,11 @@ def draw_tasks(family: Family, experiment: str, runs: Sequence[int]) -> Tasks:
 
 
 class SourceTraining:
-    """Learning of some sources of a pool, in lock-step."""
+    """Learning of some sources of a pool, in lock-step; their first attempt is number 0."""
 
-    def __init__(self, pool: Pool, sources: Sequence[int]) -> None:
+    def __init__(self, pool: Pool, sources: Sequence[int], attempt: int = 0) -> None:
         def stream(role: str) -> Stream:
-            return Stream(pool.stream, sources, role)
+            return Stream(pool.stream, sources, f"{role} {attempt}" if attempt else role)
 
         self.names = [f"source {i} of {pool.name}" for i in sources]
         self.tasks = pool_tasks(pool, sources)
@@ -163,13 +165,33 @@ class SourceTraining:
 def solve(
     pool: Pool, sources: Sequence[int], progress: Callable[[int], object] = lambda done: None
 ) -> dict[str, np.ndarray]:
-    """Train and check some sources of a pool until each is solved or the limit is reached.
+    """Train and check some sources of a pool until each is solved or has had its attempts.
 
     Returns arrays over the sources: index, the tasks' parameters, weights (S, d), iterations
-    trained, greedy (return of the kept weights), optimum, solved and fingerprints.
+    trained in all, greedy (return of the kept weights), optimum, solved and fingerprints.
     """
-    training = SourceTraining(pool, sources)
-    mine = domain(pool.family)
+    found = _attempt(pool, sources, 0, progress)
+    for attempt in range(1, pool.attempts):
+        left = np.flatnonzero(~found["solved"]).tolist()
+        if not left:
+            break
+        again = _attempt(pool, [sources[i] for i in left], attempt, progress)
+        better = again["solved"] | (again["greedy"] > found["greedy"][left])
+        for key in ("weights", "iterations", "greedy", "solved"):
+            found[key][np.array(left)[better]] = again[key][better]
+    return {
+        "index": np.array(sources),
+        **parameters(pool.family, pool_tasks(pool, sources)),
+        **found,
+    }
+
+
+def _attempt(
+    pool: Pool, sources: Sequence[int], attempt: int, progress: Callable[[int], object]
+) -> dict[str, np.ndarray]:
+    """One attempt to solve some sources: what each keeps, and its fingerprints."""
+    training = SourceTraining(pool, sources, attempt)
+    mine, before = domain(pool.family), attempt * pool.limit
     left = torch.arange(len(sources))  # those still trained, by their places among the sources
     optimum = mine.optimum(training.tasks)
     weights = torch.zeros_like(training.agent.mu[:, 0])
@@ -178,7 +200,7 @@ def solve(
     solved = torch.zeros(len(sources), dtype=torch.bool)
     while training.steps < pool.iterations:
         training.advance(min(pool.check_every, pool.iterations - training.steps))
-        progress(training.steps)
+        progress(before + training.steps)
     while True:
         returns = training.greedy_return.episodes(training.agent.mu)
         earned = returns.mean(1)
@@ -187,7 +209,7 @@ def solve(
         better = passed | (earned > greedy[left])
         weights[left[better]] = training.agent.mu.detach()[better, 0]
         greedy[left[better]] = earned[better]
-        trained[left[better]] = training.steps
+        trained[left[better]] = before + training.steps
         solved[left[passed]] = True
         if solved.all() or training.steps >= pool.limit:
             break
@@ -195,10 +217,8 @@ def solve(
             training.keep((~passed).nonzero().flatten().tolist())
             left = left[~passed]
         training.advance(pool.check_every)
-        progress(training.steps)
+        progress(before + training.steps)
     return {
-        "index": np.array(sources),
-        **parameters(pool.family, training.tasks),
         "weights": weights.numpy(),
         "iterations": trained.numpy(),
         "greedy": greedy.numpy(),

@@ -65,7 +65,8 @@ WORDS = {
         "count": "solved tasks in the pool",
         "iterations": "iterations before the first check",
         "check_every": "iterations between checks",
-        "limit": "most iterations",
+        "limit": "most iterations of an attempt",
+        "attempts": "most attempts",
         "episodes": "episodes of a check",
         "required": "share required by a check",
         "common": "one start for all networks",
@@ -128,13 +129,15 @@ def environment(
     learner = experiment.algorithms[baseline]
     assert isinstance(learner, MellowTDSettings | DDQNSettings)
     pool, q = experiment.pool, domain(experiment.family).q()
+    # sources that may begin anew share out their exploration over an attempt
+    solving = pool.limit if pool.attempts > 1 else pool.iterations
     return Environment(
         section,
         results,
         q.d,
         {label: experiment.transfer_settings(label) for label in ("GVT", "1-MGVT", "3-MGVT")},
         {
-            "sources": (pool.settings, pool.iterations),
+            "sources": (pool.settings, solving),
             baseline: (learner, experiment.iterations),
         },
         pool,

@@ -111,7 +111,8 @@ def _compute(
 ) -> store.Arrays:
     owner = unit.owner
     if isinstance(owner, Pool):
-        return solve(owner, unit.members, lambda t: report(min(t / owner.limit, 0.99)))
+        longest = owner.limit * owner.attempts
+        return solve(owner, unit.members, lambda t: report(min(t / longest, 0.99)))
     if unit.label == "tasks":
         return runs_of.task_table(owner)
 
@@ -210,7 +211,11 @@ def _provenance(
 def config_of(owner: Pool | Experiment, label: str) -> store.Note:
     """The configuration behind a stored result, as plain JSON values."""
     if isinstance(owner, Pool):
-        return _plain(asdict(owner))
+        solving = asdict(owner)
+        if owner.attempts == 1:
+            # as it was before there could be more, so that what was stored then stays valid
+            del solving["attempts"]
+        return _plain(solving)
     config: store.Note = {
         "runs": owner.runs,
         "sources": owner.sources,
