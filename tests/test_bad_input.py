@@ -170,9 +170,9 @@ POOL_FIELDS = {
     "iterations": no_whole(),
     "limit": no_whole(),
     "check_every": no_whole(),
-    "attempts": no_whole(),
     "episodes": no_whole(),
     "required": not_between(0, 1),
+    "attempts": no_whole(),
     "settings": NO_KIND | st.just(Settings()),
 }
 NETWORKS = {**POOL_FIELDS, "common": NO_BOOL, "twin": NO_NAME}
