@@ -130,19 +130,20 @@ def test_a_start_below_sigma_min_is_lifted_to_it(factors):
     # the bounds that decide about clipping rest on 1 / L_ii being at most 1 / sigma_min
     precision, matrix = prior("isotropic", 1, 4)
     L = 1e-4 * torch.eye(4).expand(1, 4, 4)
-    fast = factors(L.clone(), precision, ALPHA, sigma_min=0.1, clip=10.0)
+    fast = factors(L, precision, ALPHA, sigma_min=0.1, clip=10.0)
     slow = Dense(L, matrix, sigma_min=0.1, clip=10.0)
     nothing = torch.zeros(1, 2, 4)
     for _ in range(2):
         torch.testing.assert_close(fast.L.double(), slow.L, rtol=0, atol=1e-5)
         for each in (fast, slow):
             each.step(nothing, nothing, KL_WEIGHT)
+    assert (L.diagonal(dim1=1, dim2=2) == 1e-4).all(), "the given L is not changed"
 
 
 @pytest.mark.parametrize("d", SIZES)
 def test_product_is_with_the_factor(factors, d):
     L = start(3, d)
-    member = factors(L.clone(), Precision(1.0), ALPHA, 1e-4, 1000.0)
+    member = factors(L, Precision(1.0), ALPHA, 1e-4, 1000.0)
     noise = torch.randn(member.ahead, 3, 5, d, generator=torch.Generator().manual_seed(0))
     member.look_ahead(noise)
     for at in range(member.ahead):
@@ -157,7 +158,7 @@ def test_members_do_not_feel_each_other(factors, kind):
     W = None if precision.W is None else precision.W[chosen : chosen + 1]
     together = factors(start(members, d), precision, ALPHA, 1e-4, 3.0)
     alone = factors(
-        start(members, d)[chosen : chosen + 1].clone(),
+        start(members, d)[chosen : chosen + 1],
         Precision(precision.scale, W),
         ALPHA,
         1e-4,

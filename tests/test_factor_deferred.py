@@ -35,7 +35,7 @@ def pair(kind: str, d: int, clip: float = CLIP) -> tuple[DeferredFactors, Choles
     L = 0.3 * torch.eye(d).repeat(MEMBERS, 1, 1)
     L += 0.01 * torch.randn(L.shape, generator=torch.Generator().manual_seed(1)).tril(-1)
     return tuple(
-        factors(L.clone(), prior(kind, d), ALPHA, SIGMA_MIN, clip)
+        factors(L, prior(kind, d), ALPHA, SIGMA_MIN, clip)
         for factors in (DeferredFactors, CholeskyFactors)
     )
 

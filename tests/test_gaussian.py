@@ -7,6 +7,7 @@ import torch
 from torch import Tensor
 from torch.distributions import MultivariateNormal, kl_divergence
 
+from vtlib import gaussian as gaussian_module
 from vtlib.gaussian import (
     Gaussian,
     Precision,
@@ -126,9 +127,11 @@ def test_mean_and_covariance_of_sources_are_the_maximum_likelihood_estimates():
         torch.testing.assert_close(spread[r] @ spread[r].T, expected)
 
 
+@pytest.mark.parametrize("at_once", [2, 4, 2**22])
 @pytest.mark.parametrize("sources", [1, 2, 12])
-def test_covariance_factor_is_the_cholesky_factor(sources):
-    _, spread = sources_mean_and_spread(draw(3, sources, 6))
+def test_covariance_factor_is_the_cholesky_factor(sources, at_once, monkeypatch):
+    monkeypatch.setattr(gaussian_module, "DOUBLES", at_once * 6**2)
+    _, spread = sources_mean_and_spread(draw(5, sources, 6))
     L = covariance_factor(spread, 1e-4)
     covariance = spread @ spread.mT + 1e-4 * torch.eye(6).double()
     torch.testing.assert_close(L @ L.mT, covariance)

@@ -227,7 +227,7 @@ def test_gradient_steps_land_on_the_conjugate_posterior(kind):
         precision = low_rank_precision(0.7 * draw(1, d, 2, seed=13), 0.2)
     noise = exact_moments(d).unsqueeze(0)
     mu = torch.zeros(1, d)
-    factors = CholeskyFactors(torch.eye(d).unsqueeze(0).clone(), precision, 0.05, 1e-4, 1000.0)
+    factors = CholeskyFactors(torch.eye(d).unsqueeze(0), precision, 0.05, 1e-4, 1000.0)
     adam = torch.optim.Adam([mu], lr=0.01)
     decay = torch.optim.lr_scheduler.ExponentialLR(adam, 0.995)
     for _ in range(1500):

@@ -17,9 +17,9 @@ class CholeskyFactors:
 
     One step descends the expected squared TD error (eq. 5.11) plus kl_weight * KL (eq. 5.9), with
     the gradient clipped elementwise to +-clip and then diag(L) held at sigma_min or more. The given
-    L is taken over and changed in place. The TD part is a sum of n outer products and the precision
-    is a multiple of the identity minus few columns, so a step needs neither an inverse nor a
-    product of two d x d matrices. ``ahead`` tells how many draws ``look_ahead`` takes.
+    L is not changed. The TD part is a sum of n outer products and the precision is a multiple of
+    the identity minus few columns, so a step needs neither an inverse nor a product of two d x d
+    matrices. ``ahead`` tells how many draws ``look_ahead`` takes.
     """
 
     ahead = 1
@@ -27,8 +27,8 @@ class CholeskyFactors:
     def __init__(
         self, L: Tensor, precision: Precision, alpha: float, sigma_min: float, clip: float
     ) -> None:
-        L.diagonal(dim1=-2, dim2=-1).clamp_(min=sigma_min)
-        self.L = L
+        self.L = L.clone()
+        self.L.diagonal(dim1=-2, dim2=-1).clamp_(min=sigma_min)
         self._precision = precision
         self._alpha, self._sigma_min, self._clip = alpha, sigma_min, clip
         d = L.shape[-1]

@@ -263,7 +263,7 @@ class DeferredFactors:
         wide = 1.0 if self._precision.W is None else self._d**0.5
         pull = kl_weight * self._precision.scale * wide
         if pull * self._largest > LOOSE * self._clip:
-            self._largest = float(self.L.abs().max())
+            self._largest = self._largest_entry()
         kl = kl_weight / self._sigma_min + pull * self._largest
         # an upper bound on the entries from here on, without reading L
         self._largest += self._alpha * min(td + kl, self._clip)
@@ -363,7 +363,10 @@ class DeferredFactors:
         extra = self._padded - self._d
         low = pad(L, (0, extra, 0, extra))
         blocks = self._diagonal_blocks(low)
-        self._diag = blocks.permute(0, 3, 1, 2).flatten(0, 1).clone()
+        self._diag = L.new_empty(self._count * self._panels, self._width, self._width)
+        self._diag.view(-1, *blocks.shape[-1:], *self._diag.shape[1:]).copy_(
+            blocks.permute(0, 3, 1, 2)
+        )
         self._diag.diagonal(dim1=1, dim2=2).clamp_(min=self._sigma_min)
         blocks.zero_()
         self._low = low
@@ -371,7 +374,13 @@ class DeferredFactors:
         self._U = self._V = L.new_empty(0)  # made when the first outer product is put off
         self._settle()
         self._below = self._blocks(self._columns.transpose(1, 2).flatten(2) @ low)
-        self._largest = max(float(self._low.abs().max()), float(self._diag.abs().max()))
+        self._largest = self._largest_entry()
+
+    def _largest_entry(self) -> float:
+        self._apply()
+        # no absolute values: they would be a copy of all factors
+        extremes = [x for part in (self._low, self._diag) for x in torch.aminmax(part)]
+        return float(torch.stack(extremes).abs().max())
 
     def _diagonal_blocks(self, matrix: Tensor) -> Tensor:
         """View (M, width, width, P) of the diagonal blocks of (M, padded, padded)."""

@@ -7,6 +7,8 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
+DOUBLES = 2**22  # numbers of double precision in the matrices that are factored at once
+
 
 class Gaussian(NamedTuple):
     """A Gaussian by its mean mu (..., d) and lower-triangular Cholesky factor L (..., d, d)."""
@@ -46,10 +48,18 @@ def sources_mean_and_spread(sources: Tensor) -> tuple[Tensor, Tensor]:
 
 def covariance_factor(spread: Tensor, jitter: float) -> Tensor:
     """Cholesky factor (..., d, d) of B B^T + jitter * I, from B (..., d, S)."""
-    wide = spread.double()
-    eye = torch.eye(wide.shape[-2], dtype=wide.dtype, device=wide.device)
-    factor: Tensor = torch.linalg.cholesky(wide @ wide.transpose(-1, -2) + jitter * eye)
-    return factor.to(spread.dtype)
+    *batch, d, count = spread.shape
+    factors = spread.new_empty(*batch, d, d)
+    # a few at a time: all of them in double precision would take several times the memory. An even
+    # number, for the last digit depends on where in 16 bytes a matrix begins
+    few = 2 * max(1, DOUBLES // d**2 // 2)
+    parts = factors.view(-1, d, d).split(few)
+    for some, part in zip(spread.reshape(-1, d, count).split(few), parts, strict=True):
+        wide = some.double()
+        covariance = wide @ wide.mT
+        covariance.diagonal(dim1=-2, dim2=-1).add_(jitter)
+        part.copy_(torch.linalg.cholesky(covariance, out=covariance))
+    return factors
 
 
 def low_rank_precision(spread: Tensor, jitter: float) -> Precision:

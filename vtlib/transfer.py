@@ -148,10 +148,10 @@ class VariationalTransfer:
         self._q, self._settings, self._sources = q, settings, sources
         self._device = sources.device
         self._noise, self._component, self._replay = noise, component, replay
-        posterior, self._precision = self._start()
-        self.mu = posterior.mu
         self._prior_mean = sources.mean(1, keepdim=True)
-        self._factors = self._factors_from(posterior.L.flatten(0, 1))
+        start, self._precision = self._start()
+        self.mu, self._factors = start.mu, self._factors_from(start.L.flatten(0, 1))
+        del start  # its factors were copied, and fill more memory than all that is made below
         self._adam = torch.optim.Adam([self.mu], lr=settings.alpha_mu, fused=True)
         self._buffer = ReplayBuffer(len(sources), settings.buffer, obs_dim)
         self._steps = 0
@@ -314,9 +314,9 @@ def initial_posterior(
 
     The minimiser of the KL is the prior itself for a Gaussian (eqs. 5.5 and 5.6), or, without
     correlations, the Gaussian of its mean and the diagonal of its precision; and C different
-    sources with the prior's variance for a mixture (eq. 5.13). Raises ValueError unless
-    sources are finite, float32 or float64, of shape (R, S, d), and no farther apart than a Gaussian
-    prior's covariance can tell.
+    sources with the prior's variance for a mixture (eq. 5.13), whose L share their memory. Raises
+    ValueError unless sources are finite, float32 or float64, of shape (R, S, d), and no farther
+    apart than a Gaussian prior's covariance can tell.
     """
     check_kind("sources", sources, Tensor)
     kinds = ("float32", "float64")
@@ -333,7 +333,7 @@ def initial_posterior(
                 factor = covariance_factor(spread, jitter)
         except torch.linalg.LinAlgError:  # type: ignore[attr-defined]  # documented, not typed
             factor = torch.tensor(math.nan)
-        if not torch.isfinite(factor).all():
+        if not all(extreme.isfinite() for extreme in torch.aminmax(factor)):
             apart = float((sources - mu.unsqueeze(1)).abs().amax())
             raise ValueError(
                 "sources must lie closer to their mean for a gaussian posterior, whose covariance "
@@ -346,7 +346,7 @@ def initial_posterior(
     else:
         mu = sources.mean(1, keepdim=True).repeat(1, components, 1)
     eye = torch.eye(d, device=sources.device) * settings.sigma_p2**0.5
-    return Gaussian(mu, eye.repeat(runs, components, 1, 1)), Precision(1 / settings.sigma_p2)
+    return Gaussian(mu, eye.expand(runs, components, d, d)), Precision(1 / settings.sigma_p2)
 
 
 def check_sources(sources: Tensor, d: int) -> None:
