@@ -38,7 +38,7 @@ ONE_ATTEMPT = replace(
     attempts=1,
     settings=replace(MAZE_DDQN, epsilon_steps=20_000),
 )
-WITH_ONE_ATTEMPT = ("south-east", "south-west")
+WITH_ONE_ATTEMPT = ("south-west",)
 DIAGONAL = "1-MGVT-diagonal"
 CORNERS = ("north-east", "north-west", "south-east", "south-west")
 ALGORITHMS: dict[str, Algorithm] = {
