@@ -14,7 +14,7 @@ ROOT = results_folder()
 PAIRS = list(dict.fromkeys(pair for name in EXPERIMENTS for pair in results_of(name)))
 DRAWN = 6
 # not all sources are solved
-SHORT = {"cartpole-sources-ddqn-separate", "mountain-car-sources", "maze-sources"}
+SHORT = {"cartpole-sources-ddqn-separate", "mountain-car-sources"}
 CORNER = "rooms-3-corner-sources"  # meant to show what is lost: most were never rewarded
 
 

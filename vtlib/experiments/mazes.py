@@ -28,17 +28,6 @@ MAZES = MazePool(
     attempts=10,
     settings=replace(MAZE_DDQN, epsilon_steps=SOURCE_LIMIT // 10),
 )
-# Some targets' runs still rest on sources that had one attempt, rarer checks and less exploration;
-# five of them were never solved.
-ONE_ATTEMPT = replace(
-    MAZES,
-    name="maze-sources",
-    limit=1_000_000,
-    check_every=5_000,
-    attempts=1,
-    settings=replace(MAZE_DDQN, epsilon_steps=20_000),
-)
-WITH_ONE_ATTEMPT = ("south-west",)
 DIAGONAL = "1-MGVT-diagonal"
 CORNERS = ("north-east", "north-west", "south-east", "south-west")
 ALGORITHMS: dict[str, Algorithm] = {
@@ -53,10 +42,9 @@ ALGORITHMS: dict[str, Algorithm] = {
 def _target(corner: str) -> Experiment:
     """Transfer to the middle one of a corner's five mazes, from mazes of the other corners."""
     names = MAZES.family.names
-    earlier = corner in WITH_ONE_ATTEMPT
     return Experiment(
-        name=f"maze-{corner}" if earlier else f"maze-{corner}-3",
-        pool=ONE_ATTEMPT if earlier else MAZES,
+        name=f"maze-{corner}-3",
+        pool=MAZES,
         family=MazeFamily((f"{corner} 3",)),
         algorithms=ALGORITHMS,
         sources=5,
