@@ -81,9 +81,9 @@ def test_a_first_iteration_that_differs_is_no_rounding(monkeypatch, members):
 def test_on_another_processor_the_page_names_what_rounding_parted(monkeypatch):
     with_differing(monkeypatch, {3}, "of another kind")
     assert live_check("cartpole", "DDQN", 3, ROOT).endswith(
-        "leaves the stored fingerprints until rounding, which is not this processor's, "
+        "has the stored fingerprints until rounding, which is not this processor's, "
         "sends it elsewhere."
     )
-    assert live_check("cartpole", "DDQN", 4, ROOT).endswith("leaves the stored fingerprints.")
+    assert live_check("cartpole", "DDQN", 4, ROOT).endswith("has the stored fingerprints.")
     with_differing(monkeypatch, {3}, "of another kind", start=0)
-    assert "does NOT leave" in live_check("cartpole", "DDQN", 3, ROOT)
+    assert "does NOT have" in live_check("cartpole", "DDQN", 3, ROOT)

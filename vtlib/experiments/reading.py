@@ -37,9 +37,9 @@ def provenance(name: str, root: Path | None = None) -> list[dict[str, Any]]:
 
 
 def live_check(name: str, label: str, run: int, root: Path | None = None) -> str:
-    """Recompute the head of one stored run and say whether it leaves the stored fingerprints."""
+    """Recompute the head of one stored run and say whether it has the stored fingerprints."""
     wrong, parted = check_heads(name, label, root or results_folder(), [run])
-    outcome = f"{'does NOT leave' if wrong else 'leaves'} the stored fingerprints"
+    outcome = f"{'does NOT have' if wrong else 'has'} the stored fingerprints"
     if parted:
         outcome += " until rounding, which is not this processor's, sends it elsewhere"
     return f"Run {run} of {label}, computed anew just now, {outcome}."
