@@ -54,10 +54,14 @@ def table(found: list[Cost]) -> str:
             c.name,
             f"{c.runs:,}",
             f"{c.iterations / 1e6:.1f} million",
-            f"{minutes(c.sources):.0f} min" if c.sources else "as above",
-            f"{minutes(c.computed):.0f} min",
-            f"{minutes(c.sources + c.computed):.0f} min",
+            _shown(c.sources) if c.sources else "as above",
+            _shown(c.computed),
+            _shown(c.sources + c.computed),
         ]
         for c in found
     ]
     return html_table(head, rows)
+
+
+def _shown(seconds: float) -> str:
+    return f"{minutes(seconds):.0f}\u00a0min"  # a space at which no line breaks
