@@ -23,3 +23,4 @@ def test_the_table_shows_minutes_of_two_cores():
     text = table([Cost("one", 160, 1_600_000, 240.0, 360.0), Cost("two", 20, 200_000, 0.0, 120.0)])
     for shown in ("one", "160", "1.6 million", "2 min", "3 min", "5 min", "as above", "1 min"):
         assert f">{shown}<" in text.replace("\u00a0", " ")
+    assert " min<" not in text, "a line may break there"
