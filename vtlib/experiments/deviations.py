@@ -322,26 +322,31 @@ PUBLISHED = (
     Deviation(
         "Start of a Gaussian",
         f"{ALGORITHM_1}, line 2: the minimiser of the divergence; that is the prior",
-        "the span of the sources: variance 10⁻⁸ in any other direction",
+        "the span of the sources: covariance with n − 1, variance 10⁻⁸ in any other direction; "
+        "the divergence's gradient is clipped to ±100",
         "the prior",
-        "the span",
+        "the span, without that clip: not the published variant",
         (_evaluated("GVT", "GVT-span"),),
     ),
     Deviation(
         "Divergence of L",
         f"{_eq('5.7')} and {_eq('5.9')}: of all entries",
-        "the squared diagonal of L stands for its eigenvalues: other entries feel no divergence",
+        "GVT in the rooms: of all entries; MGVT, and GVT in the mazes: the squared diagonal of L "
+        "stands for its eigenvalues, other entries feel no divergence",
         "of all entries",
-        "of the diagonal",
+        "of the diagonal (for GVT here no choice of the published code)",
         (
             _evaluated("GVT", "GVT-diagonal-KL", expected=NONE),
             _evaluated("1-MGVT", "1-MGVT-diagonal-KL", expected=NONE),
         ),
     ),
+)
+
+LEFT_OPEN = (
     Deviation(
         "Terminal states in the ψ part",
         f"{_eq('5.4')} knows no terminal states",
-        "the next value is left out of the target, not of the ψ part of the gradient",
+        "the next value is left out of the target and of the ψ part of the gradient",
         "left out of both",
         "left out of the target alone",
         (
@@ -349,13 +354,10 @@ PUBLISHED = (
             _evaluated("1-MGVT", "1-MGVT-unmasked", expected=NONE),
         ),
     ),
-)
-
-LEFT_OPEN = (
     Deviation(
         "Where sources of the rooms start",
         "sources are optimal; how they start is not said",
-        "not known",
+        "anywhere in the square",
         "anywhere in the square, and until solved",
         "in the corner, for 20,000 iterations",
         _otherwise(ROOMS_CORNER, ROOMS_EVALUATION, LOWER),
@@ -390,7 +392,7 @@ LEFT_OPEN = (
     Deviation(
         "Clipping of gradients",
         SILENT,
-        "each entry to ±1000",
+        "each entry to ±1000; before that GVT's divergence with respect to L to ±100, unweighted",
         "each entry to ±1000",
         "none",
         (

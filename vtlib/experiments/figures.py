@@ -80,7 +80,7 @@ def starts_figure(name: str, others: Mapping[str, str]) -> Figure:
         colour = COLOURS[label]
         panels[f"{label}, dashed from the {other}"] = [
             Curve("minimiser of the KL", first.iterations, first.learning, colour),
-            Curve("published start", second.iterations, second.learning, colour, (0, (2, 1))),
+            Curve("other start", second.iterations, second.learning, colour, (0, (2, 1))),
         ]
     with look():
         return learning_figure(panels, float(optimum(name).mean()), limits_of(named(name)))
