@@ -4,21 +4,20 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import torch
+from attrs import field, frozen
 from torch import Tensor
 
-from vtlib.checks import check_between, check_kind, check_positive, check_weights, check_whole
-from vtlib.mellow import check_psi
+from vtlib.checks import between, check_kind, check_weights, positive, whole
 from vtlib.qfunctions import QFunction
 from vtlib.replay import ReplayBuffer, Transition
-from vtlib.streams import Stream, check_runs
-from vtlib.transfer import td_gradients
+from vtlib.rng import Rng
+from vtlib.td import td_gradients
 
 
-@dataclass(frozen=True)
+@frozen
 class LearnerSettings:
     """Parameters that both baselines share; epsilon falls linearly from 1 to epsilon_end.
 
@@ -26,79 +25,67 @@ class LearnerSettings:
     for a value outside its range.
     """
 
-    epsilon_steps: int
-    epsilon_end: float = 0.02
-    gamma: float = 0.99
-    batch: int = 50
-    buffer: int = 50_000
-    alpha: float = 1e-3
+    transfers: ClassVar[bool] = False
 
-    def __post_init__(self) -> None:
-        for name in ("epsilon_steps", "batch", "buffer"):
-            check_whole(name, getattr(self, name))
-        check_between("epsilon_end", self.epsilon_end, 0, 1)
-        check_between("gamma", self.gamma, 0, 1, below=True)
-        check_positive("alpha", self.alpha)
+    epsilon_steps: int = field(validator=whole())
+    epsilon_end: float = field(default=0.02, validator=between(0, 1))
+    gamma: float = field(default=0.99, validator=between(0, 1, below=True))
+    minibatch: int = field(default=50, validator=whole())
+    buffer: int = field(default=50_000, validator=whole())
+    alpha: float = field(default=1e-3, validator=positive())
 
 
-@dataclass(frozen=True)
+@frozen
 class MellowTDSettings(LearnerSettings):
     """Parameters of mellow TD (section 5.1.4). Raises ValueError for a value outside its range."""
 
-    psi: float = 0.5
-    kappa: float = 100.0
+    psi: float = field(default=0.5, validator=between(0, 1))
+    kappa: float = field(default=100.0, validator=positive())
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        check_psi(self.psi)
-        check_positive("kappa", self.kappa)
+    def agent(self, q: QFunction, w: Tensor, obs_dim: int, rng: Rng) -> MellowTD:
+        """A learner that starts from weights w (R, d)."""
+        return MellowTD(q, w, obs_dim, self, rng)
 
 
-@dataclass(frozen=True)
+@frozen
 class DDQNSettings(LearnerSettings):
     """Parameters of DDQN (appendix A.2); the target is copied every target_every iterations.
 
     Raises ValueError for a value outside its range.
     """
 
-    target_every: int = 500
+    target_every: int = field(default=500, validator=whole())
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        check_whole("target_every", self.target_every)
+    def agent(self, q: QFunction, w: Tensor, obs_dim: int, rng: Rng) -> DDQN:
+        """A learner that starts from weights w (R, d)."""
+        return DDQN(q, w, obs_dim, self, rng)
 
 
 class EpsilonGreedyLearner(ABC):
     """Epsilon-greedy learning from a replay buffer by Adam, for R runs in lock-step.
 
-    w: (R, d) initial weights, copied. exploration and replay are the streams of epsilon-greedy
-    actions and of mini-batches. ``mu`` (R, 1, d) are the current weights. Raises ValueError when
+    w: (R, d) initial weights, copied. rng gives the streams "exploration" (epsilon-greedy actions)
+    and "replay" (minibatches). ``mu`` (R, 1, d) are the current weights. Raises ValueError when
     weights are not finite, float32 or of another shape, or settings those of another algorithm.
     """
 
     needs: ClassVar[type[LearnerSettings]]  # the settings of the algorithm
 
     def __init__(
-        self,
-        q: QFunction,
-        w: Tensor,
-        obs_dim: int,
-        settings: LearnerSettings,
-        exploration: Stream,
-        replay: Stream,
+        self, q: QFunction, w: Tensor, obs_dim: int, settings: LearnerSettings, rng: Rng
     ) -> None:
         check_kind("settings", settings, self.needs)
         check_kind("weights", w, Tensor)
         check_weights("weights", w, "run", q.d)
-        check_runs(len(w), exploration, replay)
+        rng.check_rows(len(w))
         self._q, self._settings = q, settings
-        self._exploration, self._replay = exploration, replay
+        self._exploration, self._replay = rng.stream("exploration"), rng.stream("replay")
         self.mu = w.detach().unsqueeze(1).clone()
         self._adam = torch.optim.Adam([self.mu], lr=settings.alpha, fused=True)
         self._buffer = ReplayBuffer(len(w), settings.buffer, obs_dim)
         self._steps = 0
 
-    def act(self, obs: Tensor, fresh: Tensor | None) -> Tensor:
+    def act(self, obs: Tensor, fresh: Tensor) -> Tensor:
         """Epsilon-greedy actions (R,)."""
         s = self._settings
         progress = min(1.0, self._steps / s.epsilon_steps)
@@ -112,9 +99,8 @@ class EpsilonGreedyLearner(ABC):
         """Store one transition of each run and take one gradient step."""
         self._buffer.add(transition)
         self._steps += 1
-        self.mu.grad = self._gradient(
-            self._buffer.sample(self._replay.uniform(self._settings.batch))
-        )
+        batch = self._buffer.sample(self._replay.uniform(self._settings.minibatch))
+        self.mu.grad = self._gradient(batch)
         self._adam.step()
 
     def keep(self, rows: Sequence[int]) -> None:
@@ -129,7 +115,7 @@ class EpsilonGreedyLearner(ABC):
 
     @abstractmethod
     def _gradient(self, batch: Transition) -> Tensor:
-        """Gradient (R, 1, d) of the loss of a mini-batch (R, B)."""
+        """Gradient (R, 1, d) of the loss of a minibatch (R, B)."""
 
 
 class MellowTD(EpsilonGreedyLearner):
@@ -172,7 +158,7 @@ class DDQN(EpsilonGreedyLearner):
         following = q.prepare(batch.next_obs)
         best = q.q(self.mu, following).argmax(-2, keepdim=True)
         value = q.q(self._target, following).gather(-2, best).squeeze(-2)
-        alive = self._settings.gamma * ~batch.terminal.unsqueeze(1)
+        alive = self._settings.gamma * ~batch.terminated.unsqueeze(1)
         values, pullback = q.vjp(self.mu, q.prepare(batch.obs))
         action = batch.action[:, None, None]
         error = batch.reward.unsqueeze(1) + alive * value - values.gather(-2, action).squeeze(-2)

@@ -5,13 +5,14 @@ Configurations are stored as JSON, so their numbers are Python's: neither NumPy'
 
 from __future__ import annotations
 
-from collections.abc import Collection
-from typing import Any, TypeGuard, get_args
+from collections.abc import Callable, Collection
+from typing import Any, Concatenate, ParamSpec, TypeGuard, get_args
 
 import numpy as np
 import torch
 from torch import Tensor
 
+P = ParamSpec("P")
 LARGEST = 10**9  # of whole numbers: nothing beyond is meant, nor fits into memory
 TINY, HUGE = 1e-37, 1e38  # of positive numbers: float32 holds what lies between
 SHOWN = 200  # characters of a value
@@ -95,6 +96,22 @@ def check_weights(
     finite = torch.isfinite(weights) if isinstance(weights, Tensor) else np.isfinite(weights)
     if not bool(finite.all()):
         raise ValueError(f"{name} must be finite, got NaN or infinity")
+
+
+Validator = Callable[[Any, Any, Any], None]  # of an attrs field: instance, attribute, value
+
+
+def _for_fields(check: Callable[Concatenate[str, object, P], None]) -> Callable[P, Validator]:
+    """A check for fields of attrs classes, from what the check takes after a value."""
+    return lambda *rest, **named: lambda _, field, value: check(field.name, value, *rest, **named)
+
+
+whole = _for_fields(check_whole)
+positive = _for_fields(check_positive)
+between = _for_fields(check_between)
+one_of = _for_fields(check_one_of)
+kind = _for_fields(check_kind)
+name = _for_fields(check_name)
 
 
 def _is_number(value: object) -> TypeGuard[int | float]:

@@ -7,22 +7,21 @@ from collections.abc import Sequence
 import torch
 from torch import Tensor
 
-from vtlib.envs.episodes import Tasks
+from vtlib.envs.base import Tasks
 from vtlib.qfunctions import QFunction
-from vtlib.streams import Stream
+from vtlib.rng import Rng
 
 
-class GreedyReturn:
+class Evaluation:
     """Mean discounted return (R,) of ``episodes`` episodes of each run's greedy policy.
 
     Every evaluation draws the same count of random numbers from its own streams, whatever
     happens in the episodes, and so leaves the learning run alone.
     """
 
-    def __init__(
-        self, q: QFunction, tasks: Tasks, noise: Stream, starts: Stream, episodes: int = 10
-    ) -> None:
-        self._q, self._noise, self._starts, self._episodes = q, noise, starts, episodes
+    def __init__(self, q: QFunction, tasks: Tasks, rng: Rng, episodes: int = 10) -> None:
+        self._q, self._episodes = q, episodes
+        self._noise, self._starts = rng.stream("test noise"), rng.stream("test start")
         self._runs = len(tasks)
         self._tasks = tasks.select(torch.arange(self._runs).repeat_interleave(episodes))
 
@@ -48,9 +47,9 @@ class GreedyReturn:
         alive, total, discount = torch.ones(copies), torch.zeros(copies), 1.0
         for h in range(tasks.horizon):
             action = self._greedy(mu, tasks.observe(state))
-            state, reward, terminal = tasks.step(state, action, noise[:, h])
+            state, reward, terminated = tasks.step(state, action, noise[:, h])
             total.add_(reward * alive, alpha=discount)
-            alive *= ~terminal
+            alive *= ~terminated
             discount *= tasks.gamma
             if not alive.any():
                 break

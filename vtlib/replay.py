@@ -12,17 +12,17 @@ from vtlib.checks import check_whole
 
 
 class Transition(NamedTuple):
-    """One or many transitions; leading axes (R,) for one step, (R, B) for a mini-batch.
+    """One or many transitions; leading axes (R,) for one step, (R, B) for a minibatch.
 
-    obs, next_obs: (..., obs_dim); action int64; reward float; terminal bool. A transition cut by
-    the horizon is not terminal: its next state still has a value.
+    obs, next_obs: (..., obs_dim); action int64; reward float; terminated bool. A transition cut by
+    the horizon is truncated, not terminated: its next state still has a value.
     """
 
     obs: Tensor
     action: Tensor
     reward: Tensor
     next_obs: Tensor
-    terminal: Tensor
+    terminated: Tensor
 
 
 class ReplayBuffer:
@@ -36,7 +36,7 @@ class ReplayBuffer:
         check_whole("capacity", capacity)
         self._capacity = capacity
         self._obs_dim = obs_dim
-        # one row per transition (obs, next_obs, action, reward, terminal): one write, one gather
+        # one row per transition (obs, next_obs, action, reward, terminated): one write, one gather
         self._rows = torch.zeros(runs, min(capacity, 1024), 2 * obs_dim + 3)
         self._added = 0
 
@@ -49,8 +49,8 @@ class ReplayBuffer:
         if at == self._rows.shape[1]:
             room = min(self._capacity, 2 * at) - at
             self._rows = torch.cat([self._rows, torch.zeros_like(self._rows[:, :room])], 1)
-        obs, action, reward, next_obs, terminal = transition
-        tail = torch.stack([action.float(), reward, terminal.float()], -1)
+        obs, action, reward, next_obs, terminated = transition
+        tail = torch.stack([action.float(), reward, terminated.float()], -1)
         self._rows[:, at] = torch.cat([obs, next_obs, tail], -1)
         self._added += 1
 
@@ -59,7 +59,7 @@ class ReplayBuffer:
         self._rows = self._rows[rows]
 
     def sample(self, uniforms: Tensor) -> Transition:
-        """A mini-batch (R, B) chosen by uniforms (R, B) on [0, 1)."""
+        """A minibatch (R, B) chosen by uniforms (R, B) on [0, 1)."""
         size = len(self)
         if not size:
             raise ValueError("cannot sample from an empty replay buffer")

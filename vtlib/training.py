@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import itertools
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -10,7 +11,6 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from vtlib.envs.episodes import Returns
 from vtlib.replay import Transition
 
 FINGERPRINTS = (1, 49, 199)  # not at the end of an episode, where all runs look alike
@@ -19,7 +19,8 @@ FINGERPRINTS = (1, 49, 199)  # not at the end of an episode, where all runs look
 class Agent(Protocol):
     """What the loop needs of an algorithm; mu (R, C, d) are the weights of its greedy policy."""
 
-    mu: Tensor
+    @property
+    def mu(self) -> Tensor: ...
 
     def act(self, obs: Tensor, fresh: Tensor) -> Tensor:
         """Actions (R,)."""
@@ -28,12 +29,21 @@ class Agent(Protocol):
         """Take in one transition of each run."""
 
 
+class Returns(Protocol):
+    """Returns of the last finished episodes."""
+
+    def mean(self) -> Tensor:
+        """Their mean (R,)."""
+
+
 class Stepper(Protocol):
     """Episodes in lock-step, as in ``vtlib.envs.episodes``."""
 
     obs: Tensor
     fresh: Tensor
-    returns: Returns
+
+    @property
+    def returns(self) -> Returns: ...
 
     def step(self, action: Tensor) -> Transition:
         """Apply actions (R,)."""
@@ -53,6 +63,16 @@ class Curves:
     fingerprints: np.ndarray
 
 
+def iterate(agent: Agent, episodes: Stepper) -> Iterator[int]:
+    """The loop that everything here runs: act, step, learn; yields the iterations done, for ever.
+
+    An iteration is one environment step followed by one gradient step.
+    """
+    for t in itertools.count(1):
+        agent.learn(episodes.step(agent.act(episodes.obs, episodes.fresh)))
+        yield t
+
+
 def train(
     agent: Agent,
     episodes: Stepper,
@@ -64,14 +84,11 @@ def train(
 ) -> Curves:
     """Run the loop for a number of iterations, evaluating every so many of them.
 
-    An iteration is one environment step followed by one gradient step. names (R,) are used in
-    errors. progress is told the iteration at each evaluation and stops the loop by returning
-    False. Raises Diverged when weights are not finite.
+    names (R,) are used in errors. progress is told the iteration at each evaluation and stops the
+    loop by returning False. Raises Diverged when weights are not finite.
     """
     kept, learning, greedy, prints = [], [], [], []
-    for t in range(1, iterations + 1):
-        transition = episodes.step(agent.act(episodes.obs, episodes.fresh))
-        agent.learn(transition)
+    for t in itertools.islice(iterate(agent, episodes), iterations):
         if t in FINGERPRINTS:
             prints.append(fingerprint(agent, episodes))
         if t % every == 0:

@@ -1,100 +1,89 @@
-"""Variational transfer (Algorithm 1): a posterior over Q weights, acted upon by Thompson sampling.
+"""Variational transfer (Algorithm 1), for many runs in lock-step.
 
-The posterior is a mixture of C equally weighted Gaussians; a single Gaussian with a Gaussian prior
-is GVT (section 5.2.1), a mixture with one prior component per source is c-MGVT (section 5.2.2).
+A posterior over Q-function weights is acted upon by Thompson sampling. It is a mixture of C equally
+weighted Gaussians: a single Gaussian with a Gaussian prior is GVT (section 5.2.1), a mixture with
+one prior component per source is c-MGVT (section 5.2.2). ``vtlib.algorithm1`` is the same method
+line by line, for one run.
 """
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable
-from dataclasses import dataclass
+from typing import Any, ClassVar
 
 import torch
+from attrs import field, frozen
 from torch import Tensor
 
 from vtlib.checks import (
     HUGE,
-    check_between,
+    TINY,
+    between,
     check_kind,
-    check_one_of,
-    check_positive,
     check_weights,
-    check_whole,
+    one_of,
+    positive,
+    whole,
 )
-from vtlib.factor import CholeskyFactors
-from vtlib.factor_deferred import DeferredFactors
-from vtlib.factor_diagonal import DiagonalFactors
-from vtlib.gaussian import (
-    Gaussian,
-    Precision,
-    covariance_factor,
-    low_rank_precision,
-    sources_mean_and_spread,
-)
-from vtlib.mellow import check_psi, td_cotangent
-from vtlib.mixture import pull_of_sources
+from vtlib.posteriors import COVARIANCES, Descent
+from vtlib.priors import PRIOR_JITTER, GaussianPrior, MixturePrior
 from vtlib.qfunctions import QFunction
 from vtlib.replay import ReplayBuffer, Transition
-from vtlib.streams import Stream, check_runs
-
-CLIP = 1000.0  # elementwise bound on every gradient
-PRIOR_JITTER = 1e-4  # added to the covariance of the Gaussian prior, so that it has an inverse
-CACHED = 1 << 20  # floats that may be in work at a time
-LARGE = 1000  # weights from which on it pays to put off most of the update of L
-SPAN_JITTER = 1e-8  # the same for a posterior that starts within the span of the sources
-
-Factors = CholeskyFactors | DeferredFactors | DiagonalFactors
-Cotangent = Callable[..., tuple[Tensor, Tensor]]  # as ``td_cotangent``
+from vtlib.rng import Rng
+from vtlib.td import td_gradients
 
 
-@dataclass(frozen=True)
+@frozen
 class Settings:
     """Parameters of variational transfer, named as in the thesis (appendix A).
 
     family: "gaussian" (GVT) or "mixture" (MGVT) with ``components`` C. lambda_: weight of the KL
-    (eq. 5.2). psi: share of the full gradient (eq. 5.4). weights: posterior samples per gradient
+    (eq. 5.2). psi: share of the full gradient (eq. 5.4). n_samples: posterior samples per gradient
     and component. alpha_mu, alpha_L: step sizes of the means (Adam) and of L (SGD). sigma_p2:
     variance of the prior's components. sigma_min: least value on the diagonal of L. init: where the
     posterior starts: "sources" is the minimiser of the KL (the prior, or C different sources); a
     mixture may start with all components at their "mean", a Gaussian within their "span" (no
     variance but the sample's). act: draw weights at every "step" or once an "episode". covariance:
-    "full", or "diagonal" for weights without correlations. Raises ValueError for a value outside
-    its range.
+    a name in ``vtlib.posteriors.COVARIANCES``. patience: iterations that only act and remember.
+    jitter: added to the variances of the Gaussian prior. clip: bound on a gradient's entries, None
+    for none. kl: the divergence of the "full" L, or of its "diagonal" alone. responsibilities: the
+    "exact" ones, or "equal" for all sources. Raises ValueError for a value outside its range.
     """
 
-    family: str = "mixture"
-    components: int = 1
-    lambda_: float = 1e-6
-    psi: float = 0.5
-    kappa: float = 100.0
-    gamma: float = 0.99
-    batch: int = 50
-    buffer: int = 10_000
-    weights: int = 10
-    alpha_mu: float = 1e-3
-    alpha_L: float = 0.1
-    sigma_p2: float = 1e-5
-    sigma_min: float = 1e-4
-    init: str = "sources"
-    act: str = "step"
-    covariance: str = "full"
-    patience = 0  # without an annotation it is no field: only `PatientSettings` store it
+    transfers: ClassVar[bool] = True
 
-    def __post_init__(self) -> None:
-        check_psi(self.psi)
-        check_between("lambda_", self.lambda_, 0, HUGE)
-        check_between("gamma", self.gamma, 0, 1, below=True)
-        for name in ("components", "batch", "buffer", "weights"):
-            check_whole(name, getattr(self, name))
-        for name in ("kappa", "alpha_mu", "alpha_L", "sigma_p2", "sigma_min"):
-            check_positive(name, getattr(self, name))
-        check_one_of("family", self.family, ("gaussian", "mixture"))
-        other = "span" if self.family == "gaussian" else "mean"
-        check_one_of("init", self.init, ("sources", other))
-        check_one_of("act", self.act, ("step", "episode"))
-        check_one_of("covariance", self.covariance, ("full", "diagonal"))
-        if self.family == "gaussian" and self.components != 1:
+    family: str = field(default="mixture", validator=one_of(("gaussian", "mixture")))
+    components: int = field(default=1, validator=whole())
+    lambda_: float = field(default=1e-6, validator=between(0, HUGE))
+    psi: float = field(default=0.5, validator=between(0, 1))
+    kappa: float = field(default=100.0, validator=positive())
+    gamma: float = field(default=0.99, validator=between(0, 1, below=True))
+    minibatch: int = field(default=50, validator=whole())
+    buffer: int = field(default=10_000, validator=whole())
+    n_samples: int = field(default=10, validator=whole())
+    alpha_mu: float = field(default=1e-3, validator=positive())
+    alpha_L: float = field(default=0.1, validator=positive())
+    sigma_p2: float = field(default=1e-5, validator=positive())
+    sigma_min: float = field(default=1e-4, validator=positive())
+    init: str = field(default="sources", validator=one_of(("sources", "mean", "span")))
+    act: str = field(default="step", validator=one_of(("step", "episode")))
+    covariance: str = field(default="full", validator=one_of(COVARIANCES))
+    patience: int = field(default=0, validator=whole(0))
+    jitter: float = field(default=PRIOR_JITTER, validator=positive())
+    clip: float | None = field(default=1000.0)
+    kl: str = field(default="full", validator=one_of(("full", "diagonal")))
+    responsibilities: str = field(default="exact", validator=one_of(("exact", "equal")))
+
+    @clip.validator
+    def _check_clip(self, attribute: Any, value: object) -> None:
+        if value is not None:
+            between(TINY, HUGE)(self, attribute, value)
+
+    def __attrs_post_init__(self) -> None:
+        gaussian = self.family == "gaussian"
+        other = "mean" if gaussian else "span"
+        if self.init == other:
+            raise ValueError(f"init must not be {other!r} for a {self.family} posterior")
+        if gaussian and self.components != 1:
             raise ValueError(
                 f"components must be 1: a gaussian posterior has 1 component, got {self.components}"
             )
@@ -104,65 +93,63 @@ class Settings:
                 "span of the sources"
             )
 
+    def agent(self, q: QFunction, sources: Tensor, obs_dim: int, rng: Rng) -> VariationalTransfer:
+        """An agent that transfers from sources (R, S, d)."""
+        return VariationalTransfer(q, sources, obs_dim, self, rng)
 
-@dataclass(frozen=True)
-class PatientSettings(Settings):
-    """Settings of an agent that only acts and remembers for the first ``patience`` iterations.
-
-    Raises ValueError for a value outside its range.
-    """
-
-    patience: int = 500
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        check_whole("patience", self.patience, 0)
+    def prior(self, sources: Tensor) -> GaussianPrior | MixturePrior:
+        """The prior learned from sources (R, S, d)."""
+        if self.family == "gaussian":
+            return GaussianPrior(sources, self.jitter)
+        return MixturePrior(sources, self.sigma_p2, self.responsibilities)
 
 
 class VariationalTransfer:
     """Algorithm 1 for R runs in lock-step: ``act``, then ``learn`` from the transition.
 
     sources: (R, S, d), the S source weights of each run; the posterior and its gradients live on
-    their device, observations and actions on the processor. noise, component and replay are the
-    streams of posterior samples, of the acting component and of mini-batches. ``mu`` (R, C, d) are
-    the posterior's means. Raises ValueError when sources are missing, not finite, not float32 or
-    not of the Q-function's shape.
+    their device, observations and actions on the processor. rng gives the streams "posterior"
+    (samples), "component" (which one acts) and "replay" (minibatches). ``mu`` (R, C, d) are the
+    posterior's means. Raises ValueError when sources are missing, not finite, not float32 or not of
+    the Q-function's shape.
     """
 
-    _clip = CLIP
-
     def __init__(
-        self,
-        q: QFunction,
-        sources: Tensor,
-        obs_dim: int,
-        settings: Settings,
-        noise: Stream,
-        component: Stream,
-        replay: Stream,
+        self, q: QFunction, sources: Tensor, obs_dim: int, settings: Settings, rng: Rng
     ) -> None:
         check_kind("settings", settings, Settings)
-        check_sources(sources, q.d)
-        check_runs(len(sources), noise, component, replay)
-        sources = sources.detach()
-        self._q, self._settings, self._sources = q, settings, sources
-        self._device = sources.device
-        self._noise, self._component, self._replay = noise, component, replay
-        self._prior_mean = sources.mean(1, keepdim=True)
-        start, self._precision = self._start()
-        self.mu, self._factors = start.mu, self._factors_from(start.L.flatten(0, 1))
-        del start  # its factors were copied, and fill more memory than all that is made below
-        self._adam = torch.optim.Adam([self.mu], lr=settings.alpha_mu, fused=True)
-        self._buffer = ReplayBuffer(len(sources), settings.buffer, obs_dim)
+        check_kind("sources", sources, Tensor)
+        check_weights("sources", sources, "run", "source", q.d)
+        rng.check_rows(len(sources))
+        s, sources = settings, sources.detach()
+        self._q, self._settings, self._device = q, settings, sources.device
+        self._component, self._replay = rng.stream("component"), rng.stream("replay")
+        # Algorithm 1, lines 1 and 2: the prior, and the posterior that is closest to it
+        self._prior = s.prior(sources)
+        start = self._prior.start(s.components, s.init)
+        self._posterior = COVARIANCES[s.covariance](
+            start,
+            self._prior.precision,
+            Descent(s.alpha_L, s.sigma_min, s.clip, s.kl),
+            rng.stream("posterior"),
+            s.n_samples + 1,
+        )
+        self._adam = torch.optim.Adam([self._posterior.mu], lr=s.alpha_mu, fused=True)
+        self._buffer = ReplayBuffer(len(sources), s.buffer, obs_dim)
         self._steps = 0
-        self._sample()
+        # one weight vector to act with, and n_samples for the gradient, of each component
+        self._samples = self._posterior.sample()
         self._acting = self._thompson()
 
     @property
-    def L(self) -> Tensor:
+    def mu(self) -> Tensor:
+        """The posterior's means (R, C, d)."""
+        return self._posterior.mu
+
+    @property
+    def scale_tril(self) -> Tensor:
         """The posterior's Cholesky factors, (R, C, d, d)."""
-        factors: Tensor = self._factors.L.unflatten(0, self.mu.shape[:2])
-        return factors
+        return self._posterior.scale_tril
 
     def act(self, obs: Tensor, fresh: Tensor) -> Tensor:
         """Greedy actions (R,) of one posterior sample; fresh (R,) marks first steps of episodes."""
@@ -181,60 +168,29 @@ class VariationalTransfer:
         s = self._settings
         self._buffer.add(transition)
         self._steps += 1
-        batch = self._buffer.sample(self._replay.uniform(s.batch))
+        batch = self._buffer.sample(self._replay.uniform(s.minibatch))
         if self._steps > s.patience:
             self._descend(Transition(*(x.to(self._device) for x in batch)))
-        self._sample()
+        self._samples = self._posterior.sample()
 
     def remembered(self, u: Tensor) -> Transition:
         """Transitions (R, B) of the replay memory, chosen by uniform numbers u (R, B)."""
         return self._buffer.sample(u)
 
     def _descend(self, batch: Transition) -> None:
+        """One step on E_q[TD error^2] + (lambda / N) KL, eqs. 5.2, 5.8 and 5.9."""
         s = self._settings
         kl_weight = s.lambda_ / self._steps
         runs, components, d = self.mu.shape
-        weights = self._samples[:, :, 1:].reshape(runs, components * s.weights, d)
+        w = self._samples[:, :, 1:].reshape(runs, components * s.n_samples, d)
         # the posterior's expectation is a mean over components and over their samples
-        gradients = self._td_gradients(weights, batch)
-        gradients = gradients.div_(components * s.weights).view(runs, components, s.weights, d)
-        step = gradients.sum(2).add_(self._kl_gradient(), alpha=kl_weight)
-        self.mu.grad = step.clamp_(-self._clip, self._clip)
+        gradients = td_gradients(self._q, w, batch, s.psi, s.gamma, s.kappa)
+        gradients = gradients.div_(components * s.n_samples).view(runs, components, s.n_samples, d)
+        step = gradients.sum(2).add_(self._prior.pull(self.mu), alpha=kl_weight)
+        self.mu.grad = step if s.clip is None else step.clamp_(-s.clip, s.clip)
         self._adam.step()
-        self._factors.step(
-            gradients.flatten(0, 1), self._z[:, 1:], kl_weight=kl_weight / components
-        )
-
-    def _start(self) -> tuple[Gaussian, Precision]:
-        return initial_posterior(self._sources, self._settings)
-
-    def _factors_from(self, L: Tensor) -> Factors:
-        s = self._settings
-        kind = _factors_of(s, self._q.d)
-        return kind(L, self._precision, s.alpha_L, s.sigma_min, self._clip)
-
-    def _td_gradients(self, weights: Tensor, batch: Transition) -> Tensor:
-        s = self._settings
-        return td_gradients(self._q, weights, batch, s.psi, s.gamma, s.kappa)
-
-    def _kl_gradient(self) -> Tensor:
-        if self._settings.family == "mixture":
-            return pull_of_sources(self.mu, self._sources, self._settings.sigma_p2)
-        return self._precision.times((self.mu - self._prior_mean).transpose(1, 2)).transpose(1, 2)
-
-    def _sample(self) -> None:
-        """Draw w = mu + L z: one to act with and ``weights`` for the gradient, per component."""
-        runs, components, d = self.mu.shape
-        count, ahead = self._settings.weights + 1, self._factors.ahead
-        at = self._steps % ahead
-        if at == 0:
-            noise = self._noise.normal(ahead * components * count * d).to(self._device)
-            noise = noise.view(runs, ahead, components, count, d).transpose(0, 1)
-            self._noise_ahead = noise.flatten(1, 2)
-            self._factors.look_ahead(self._noise_ahead)
-        self._z = self._noise_ahead[at]
-        self._samples = self._factors.product(at).view(runs, components, count, d)
-        self._samples += self.mu.unsqueeze(2)
+        # each component has its share 1 / C of the divergence
+        self._posterior.step(gradients, kl_weight / components)
 
     def _thompson(self) -> Tensor:
         """One sample (R, 1, d) of the mixture: a component, then its first draw."""
@@ -245,111 +201,3 @@ class VariationalTransfer:
         index = (self._component.uniform(1) * components).long().clamp_(max=components - 1)
         index = index.to(self._device)
         return draws.gather(1, index.unsqueeze(-1).expand(-1, -1, d))
-
-
-def _factors_of(settings: Settings, d: int) -> type[Factors]:
-    if settings.covariance == "diagonal":
-        return DiagonalFactors
-    return DeferredFactors if d >= LARGE else CholeskyFactors
-
-
-def td_gradients(
-    q: QFunction,
-    weights: Tensor,
-    batch: Transition,
-    psi: float,
-    gamma: float,
-    kappa: float,
-    cotangent: Cotangent | None = None,
-) -> Tensor:
-    """Gradients (R, K, d) of the mean squared TD error at weights (R, K, d), eq. 5.4.
-
-    cotangent: gives its derivatives with respect to the Q-values; ``td_cotangent`` if not named.
-    """
-    runs, k, _ = weights.shape
-    size = 2 * batch.obs.shape[1] * q.width  # of what one weight vector passes on
-    rows = min(runs, max(1, CACHED // (k * size)))
-    columns = math.ceil(k / math.ceil(k * size / CACHED)) if rows == 1 else k
-    if (rows, columns) == (runs, k):
-        return _td_gradients(q, weights, batch, psi, gamma, kappa, cotangent)
-    # some at a time: what networks pass on for all weights would not fit into the cache
-    gradients = torch.empty_like(weights)
-    for at in range(0, runs, rows):
-        few = Transition(*(x[at : at + rows] for x in batch))
-        for start in range(0, k, columns):
-            part = slice(at, at + rows), slice(start, start + columns)
-            gradients[part] = _td_gradients(q, weights[part], few, psi, gamma, kappa, cotangent)
-    return gradients
-
-
-def _td_gradients(
-    q: QFunction,
-    weights: Tensor,
-    batch: Transition,
-    psi: float,
-    gamma: float,
-    kappa: float,
-    cotangent: Cotangent | None,
-) -> Tensor:
-    size = batch.obs.shape[1]
-    x = q.prepare(torch.cat([batch.obs, batch.next_obs], 1))
-    values, pullback = q.vjp(weights, x)
-    cotangents = (cotangent or td_cotangent)(
-        values[..., :size],
-        values[..., size:],
-        batch.action.unsqueeze(1),
-        batch.reward.unsqueeze(1),
-        batch.terminal.unsqueeze(1),
-        psi,
-        gamma,
-        kappa,
-    )
-    return pullback(torch.cat(cotangents, -1))
-
-
-def initial_posterior(
-    sources: Tensor, settings: Settings, prior_jitter: float = PRIOR_JITTER
-) -> tuple[Gaussian, Precision]:
-    """The posterior's start, mu (R, C, d) and L (R, C, d, d), and the prior's precision.
-
-    The minimiser of the KL is the prior itself for a Gaussian (eqs. 5.5 and 5.6), or, without
-    correlations, the Gaussian of its mean and the diagonal of its precision; and C different
-    sources with the prior's variance for a mixture (eq. 5.13), whose L share their memory. Raises
-    ValueError unless sources are finite, float32 or float64, of shape (R, S, d), and no farther
-    apart than a Gaussian prior's covariance can tell.
-    """
-    check_kind("sources", sources, Tensor)
-    kinds = ("float32", "float64")
-    check_weights("sources", sources, "run", "source", "weight", kinds=kinds)
-    runs, count, d = sources.shape
-    if settings.family == "gaussian":
-        mu, spread = sources_mean_and_spread(sources)
-        try:
-            precision = low_rank_precision(spread, prior_jitter)
-            if settings.covariance == "diagonal":
-                factor = torch.diag_embed(precision.diagonal(d).rsqrt())
-            else:
-                jitter = SPAN_JITTER if settings.init == "span" else prior_jitter
-                factor = covariance_factor(spread, jitter)
-        except torch.linalg.LinAlgError:  # type: ignore[attr-defined]  # documented, not typed
-            factor = torch.tensor(math.nan)
-        if not all(extreme.isfinite() for extreme in torch.aminmax(factor)):
-            apart = float((sources - mu.unsqueeze(1)).abs().amax())
-            raise ValueError(
-                "sources must lie closer to their mean for a gaussian posterior, whose covariance "
-                f"rounding spoils, got weights that are {apart:g} away"
-            )
-        return Gaussian(mu.unsqueeze(1).contiguous(), factor.unsqueeze(1)), precision
-    components = settings.components
-    if settings.init == "sources":
-        mu = sources[:, torch.arange(components) % count].clone()
-    else:
-        mu = sources.mean(1, keepdim=True).repeat(1, components, 1)
-    eye = torch.eye(d, device=sources.device) * settings.sigma_p2**0.5
-    return Gaussian(mu, eye.expand(runs, components, d, d)), Precision(1 / settings.sigma_p2)
-
-
-def check_sources(sources: Tensor, d: int) -> None:
-    """Raise ValueError unless sources are a float32 tensor of finite weights (R, S, d), S >= 1."""
-    check_kind("sources", sources, Tensor)
-    check_weights("sources", sources, "run", "source", d)

@@ -66,11 +66,23 @@ class Stream:
         return self._block[:, self._next - 1]
 
 
-def check_runs(runs: int, *streams: Stream) -> None:
-    """Raise ValueError unless every stream has as many runs as there are weights for."""
-    for stream in streams:
-        if len(stream) != runs:
-            raise ValueError(f"there must be weights for each of {len(stream)} runs, got {runs}")
+class Rng:
+    """The random numbers of a batch of runs: a stream for each role that asks for one."""
+
+    def __init__(self, experiment: str, runs: Sequence[int]) -> None:
+        self._experiment, self._runs = experiment, list(runs)
+
+    def __len__(self) -> int:
+        return len(self._runs)
+
+    def stream(self, role: str) -> Stream:
+        """The stream of a role, from its beginning."""
+        return Stream(self._experiment, self._runs, role)
+
+    def check_rows(self, rows: int) -> None:
+        """Raise ValueError unless there is one row of weights for each run."""
+        if rows != len(self):
+            raise ValueError(f"there must be weights for each of {len(self)} runs, got {rows}")
 
 
 def _fill(rng: np.random.Generator, kind: str, numbers: np.ndarray) -> None:

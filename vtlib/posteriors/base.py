@@ -1,0 +1,105 @@
+"""What a posterior offers to the engine, and what those have in common that sample w = mu + L z."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from typing import NamedTuple, Protocol
+
+from torch import Tensor
+
+from vtlib.priors import Precision, Start
+from vtlib.rng import Stream
+
+
+class Descent(NamedTuple):
+    """Plain gradient descent on L: its step size alpha, and what bounds gradients and diagonals.
+
+    clip bounds each entry of the gradient, None leaves them as they are; sigma_min is the least
+    value on the diagonal of L. kl is "full", or "diagonal" when the divergence is felt by diag(L)
+    alone.
+    """
+
+    alpha: float
+    sigma_min: float
+    clip: float | None = None
+    kl: str = "full"
+
+
+class Posterior(Protocol):
+    """C Gaussians for each of R runs; mu (R, C, d) are their means, which the engine moves."""
+
+    mu: Tensor
+
+    def __init__(
+        self, start: Start, precision: Precision, descent: Descent, noise: Stream, n_samples: int
+    ) -> None:
+        """Begin at a start, pulled by the prior's precision; n_samples are drawn at a time."""
+
+    def sample(self) -> Tensor:
+        """Weights (R, C, n_samples, d) drawn from each Gaussian."""
+
+    def step(self, gradients: Tensor, kl_weight: float) -> None:
+        """One step of the covariance on the TD error plus kl_weight times the divergence.
+
+        gradients: (R, C, n, d), those of the TD error at the last n of the weights sampled last,
+        each divided by their number.
+        """
+
+    @property
+    def scale_tril(self) -> Tensor:
+        """The Cholesky factors L (R, C, d, d) of the covariances, which may be a copy."""
+
+
+class FactorPosterior(ABC):
+    """A posterior that samples w = mu + L z (eq. 5.10), with M = R C lower-triangular factors L.
+
+    The gradient of the expected squared TD error with respect to L is the mean of g z^T over
+    samples (eq. 5.11), with g the gradient at a sample.
+    """
+
+    def __init__(
+        self, start: Start, precision: Precision, descent: Descent, noise: Stream, n_samples: int
+    ) -> None:
+        self.mu = start.mu
+        self._precision, self._kl = precision, descent.kl
+        self._alpha, self._sigma_min = descent.alpha, descent.sigma_min
+        self._clip = math.inf if descent.clip is None else descent.clip
+        self._noise, self._n_samples = noise, n_samples
+        self._start(start)
+
+    @property
+    def scale_tril(self) -> Tensor:
+        """The Cholesky factors L (R, C, d, d)."""
+        factors: Tensor = self._factors().unflatten(0, self.mu.shape[:2])
+        return factors
+
+    def sample(self) -> Tensor:
+        """Weights w = mu + L z (R, C, n_samples, d)."""
+        runs, components, d = self.mu.shape
+        z = self._noise.normal(components * self._n_samples * d).to(self.mu.device)
+        self._z = z.reshape(runs * components, self._n_samples, d)
+        samples = self._product(self._z).view(runs, components, self._n_samples, d)
+        samples += self.mu.unsqueeze(2)
+        return samples
+
+    def step(self, gradients: Tensor, kl_weight: float) -> None:
+        """One step of gradient descent on L."""
+        used = gradients.shape[2]
+        self._descend(gradients.flatten(0, 1), self._z[:, -used:], kl_weight)
+
+    @abstractmethod
+    def _start(self, start: Start) -> None:
+        """Take over the covariance of a start."""
+
+    @abstractmethod
+    def _factors(self) -> Tensor:
+        """The factors (M, d, d)."""
+
+    @abstractmethod
+    def _product(self, z: Tensor) -> Tensor:
+        """L z (M, k, d) with the present L."""
+
+    @abstractmethod
+    def _descend(self, gradients: Tensor, z: Tensor, kl_weight: float) -> None:
+        """One step; the TD part of the gradient is sum_k gradients_k z_k^T, (M, n, d) each."""

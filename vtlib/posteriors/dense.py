@@ -1,0 +1,51 @@
+"""Posteriors with a full covariance, plainly: the reference of `Fused`, and for graphics cards."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+
+from vtlib.posteriors.base import FactorPosterior
+from vtlib.priors import Start, covariance_factor
+
+
+class Dense(FactorPosterior):
+    """Lower-triangular factors L (M, d, d) of M Gaussians under plain SGD.
+
+    A step descends the expected squared TD error (eq. 5.11) plus kl_weight * KL (eq. 5.9), with the
+    gradient clipped elementwise and then diag(L) held at sigma_min or more. Only the lower triangle
+    of L is free, and there L^{-T} is the diagonal matrix of 1 / L_ii: nothing is inverted, and as
+    the precision is the identity minus few columns, a step costs O(n d^2).
+    """
+
+    def _start(self, start: Start) -> None:
+        self._L = start_factors(start)
+        self._L.diagonal(dim1=1, dim2=2).clamp_(min=self._sigma_min)
+
+    def _factors(self) -> Tensor:
+        return self._L
+
+    def _product(self, z: Tensor) -> Tensor:
+        return torch.bmm(z, self._L.mT)
+
+    def _descend(self, gradients: Tensor, z: Tensor, kl_weight: float) -> None:
+        gradient = torch.bmm(gradients.mT, z)
+        diagonal, slope = (x.diagonal(dim1=1, dim2=2) for x in (self._L, gradient))
+        if self._kl == "full":
+            gradient.add_(self._precision.times(self._L), alpha=kl_weight)
+        else:
+            own = self._precision.diagonal(diagonal.shape[1]).to(diagonal.device)
+            slope.add_(own * diagonal, alpha=kl_weight)
+        slope.sub_(kl_weight / diagonal)
+        self._L.sub_(gradient.clamp_(-self._clip, self._clip).tril_(), alpha=self._alpha)
+        diagonal.clamp_(min=self._sigma_min)
+
+
+def start_factors(start: Start) -> Tensor:
+    """Cholesky factors (M, d, d) of the covariance of a start, for all components of all runs."""
+    runs, components, d = start.mu.shape
+    if start.spread is None:
+        own: Tensor = torch.eye(d, device=start.mu.device) * start.variance**0.5
+        return own.repeat(runs * components, 1, 1)
+    factors = covariance_factor(start.spread, start.variance)
+    return factors if components == 1 else factors.repeat_interleave(components, 0)
