@@ -1,0 +1,8 @@
+"""python -m vtlib.native: compile the kernels, or say why torch will compute instead."""
+
+from vtlib.native.build import compile_kernels
+
+try:
+    print(f"kernels compiled: {', '.join(path.name for path in compile_kernels())}")
+except RuntimeError as error:
+    print(f"{error}; torch computes instead")

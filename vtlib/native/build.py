@@ -1,0 +1,46 @@
+"""Compiles the kernels with Zig's C++ compiler, which is a Python package: no system tools."""
+
+from __future__ import annotations
+
+import platform
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+HERE = Path(__file__).resolve().parent
+LIBRARIES = HERE / "lib"
+# No fast-math: NaN has to reach the check for diverged runs, and positions round as in torch.
+FLAGS = ("-O3", "-ffp-contract=on", "-fno-math-errno", "-fno-exceptions", "-fno-rtti")
+# What to compile for, best first, and what processors have that can run it, as torch calls it.
+ANY = ("AVX512", "AVX2", "DEFAULT", "NO AVX", "SVE256", "ZVECTOR", "VSX")
+LEVELS = {"x86_64_v4": ANY[:1], "x86_64_v3": ANY[:2], "baseline": ANY}
+SYSTEMS = {"Linux": ("linux-gnu", "so"), "Darwin": ("macos", "dylib")}
+
+
+def library(level: str) -> Path:
+    """Where the kernels for processors of a level are, or will be."""
+    return LIBRARIES / f"kernel-{level}.{SYSTEMS[platform.system()][1]}"
+
+
+def compile_kernels() -> list[Path]:
+    """Compile the kernels for this kind of machine; raises RuntimeError where that cannot be."""
+    try:
+        system, machine = SYSTEMS[platform.system()][0], platform.machine()
+        cpu = {"AMD64": "x86_64", "arm64": "aarch64"}.get(machine, machine)
+        levels = tuple(LEVELS) if cpu == "x86_64" else ("baseline",)
+        LIBRARIES.mkdir(exist_ok=True)
+        return [_compile(level, f"{cpu}-{system}") for level in levels]
+    except (KeyError, OSError, subprocess.SubprocessError) as error:
+        raise RuntimeError(f"the kernels cannot be compiled here: {error}") from error
+
+
+def _compile(level: str, target: str) -> Path:
+    out = library(level)
+    with tempfile.TemporaryDirectory(dir=LIBRARIES) as folder:
+        new = Path(folder) / out.name
+        command = [sys.executable, "-m", "ziglang", "c++", "-target", target, f"-mcpu={level}"]
+        command += [*FLAGS, "-shared", "-fPIC", "-o", str(new), str(HERE / "kernel.cpp")]
+        subprocess.run(command, check=True, capture_output=True, text=True, timeout=300)
+        new.replace(out)  # at once: a process that loads it meanwhile has the old one or the new
+    return out

@@ -1,0 +1,58 @@
+// What Python calls: the posterior's step for any Q-function, and whole runs in each environment.
+#include <stdlib.h>
+
+#include "networks.h"
+#include "rooms.h"
+
+extern "C" int64_t posterior_size(int32_t d) { return factor_size(d); }
+extern "C" void posterior_pack(int32_t d, float *rows, float *L) { copy_factor<true>(d, rows, L); }
+extern "C" void posterior_unpack(int32_t d, float *rows, float *L) { copy_factor<false>(d, rows, L); }
+
+static void *room(int64_t floats) { return aligned_alloc(64, (floats * 4 + 63) / 64 * 64); }
+
+// Steps the factors of `members` Gaussians (if `step`) and multiplies them with noise to come.
+// gradients, z (members, n_samples, d); noise, out (members, count, d); W, WL (members, sources, wide).
+extern "C" void posterior_step(const Descent *f, int32_t members, int32_t count, float *L,
+                               const float *W, float *WL, const float *gradients, const float *z,
+                               const float *noise, float *out, float pull, int32_t step) {
+  int d = f->d, n = f->n_samples, wide = padded(d);
+  int64_t size = factor_size(d), block = (int64_t)wide * LANES;
+  float *next = (float *)room((int64_t)(f->sources + 1) * wide);
+  float(*gradient)[LANES] = (float(*)[LANES])room(block), (*upcoming)[LANES], (*product)[LANES];
+  upcoming = (float(*)[LANES])room(block), product = (float(*)[LANES])room(block);
+  float *padded_z = (float *)room((int64_t)(n + 1) * wide);
+  for (int64_t i = 0; i < block; i++) gradient[0][i] = upcoming[0][i] = 0;
+  for (int64_t i = 0; i < (int64_t)(n + 1) * wide; i++) padded_z[i] = 0;
+  for (int m = 0; m < members; m++) {
+    for (int i = 0; i < d; i++) {
+      for (int k = 0; k < count; k++) upcoming[i][k] = noise[((int64_t)m * count + k) * d + i];
+      for (int k = 0; k < n && step; k++) {
+        gradient[i][k + 1] = gradients[((int64_t)m * n + k) * d + i];
+        padded_z[(k + 1) * wide + i] = z[((int64_t)m * n + k) * d + i];
+      }
+    }
+    int64_t columns = (int64_t)m * f->sources * wide;
+    step_and_multiply(*f, L + m * size, W + columns, WL + columns, next, gradient, padded_z, upcoming,
+                      product, pull, step);
+    for (int i = 0; i < d; i++)
+      for (int k = 0; k < count; k++) out[((int64_t)m * count + k) * d + i] = product[i][k];
+  }
+  free(next), free(gradient), free(upcoming), free(product), free(padded_z);
+}
+
+#define KERNEL(name, Task)                                                                    \
+  extern "C" int64_t name##_bytes(int32_t buffer) {                                           \
+    return sizeof(Run<Task>) + buffer * sizeof(Task::Transition);                             \
+  }                                                                                           \
+  extern "C" int32_t name##_weights() { return Task::D; }                                     \
+  extern "C" void name##_begin(Run<Task> *run, float *L, const float *noise, const float *u) { \
+    begin(*run, L, noise, u);                                                                 \
+  }                                                                                           \
+  extern "C" void name##_iterate(Run<Task> *run, int32_t count, const Random *random) {       \
+    iterate(*run, count, *random);                                                            \
+  }                                                                                           \
+  extern "C" float name##_learning(const Run<Task> *run) { return learning_return(*run); }
+
+KERNEL(rooms, Rooms)
+KERNEL(cartpole, Cartpole)
+KERNEL(mountain_car, MountainCar)

@@ -1,0 +1,238 @@
+"""Whole runs in C++, one at a time: the same as the engine's, up to rounding.
+
+A run's factors stay in the processor's cache, where the engine walks those of many runs through
+memory. ``train_natively`` stands for ``vtlib.training.train`` where ``supports`` says so. Random
+numbers are those of the engine's streams.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from vtlib.baselines import MellowTDSettings
+from vtlib.envs.base import TaskFamily, Tasks
+from vtlib.native import kernels
+from vtlib.posteriors.dense import start_factors
+from vtlib.rng import generator
+from vtlib.training import FINGERPRINTS, Curves, check_finite
+from vtlib.transfer import Settings
+
+LEARNER, GAUSSIAN, MIXTURE = range(3)
+LANES, MOST_COMPONENTS, MOST_SOURCES, MOST_BATCH, WINDOW = 16, 3, 10, 512, 50
+LINE = 64  # bytes that a cache line has, at multiples of which the kernel's arrays lie
+AHEAD = 16  # iterations whose random numbers are drawn at a time
+NO_CLIP = 3e38
+INTEGERS = "family components sources n_samples minibatch buffer equal diagonal_kl epsilon_steps"
+NUMBERS = "lambda_ psi kappa gamma alpha_mu alpha_L sigma_min clip scale epsilon_end"
+ROLES = ("posterior", "component", "replay", "noise", "start", "exploration")
+
+_Floats = ctypes.POINTER(ctypes.c_float)
+
+
+class _Settings(ctypes.Structure):
+    """As ``Settings`` in algorithm.h."""
+
+    _fields_ = [
+        *((name, ctypes.c_int32) for name in INTEGERS.split()),
+        *((name, ctypes.c_float) for name in NUMBERS.split()),
+        ("task", ctypes.c_float * 4),
+    ]
+
+
+class _Random(ctypes.Structure):
+    """As ``Random`` in algorithm.h, in the order of ROLES."""
+
+    _fields_ = [(role, _Floats) for role in ROLES]
+
+
+def supports(family: TaskFamily, algorithm: Any, sources: int) -> bool:
+    """Whether the kernels can run an algorithm, with so many sources, on tasks of a family."""
+    library = kernels()
+    if library is None or not family.kernel or family.window != WINDOW:
+        return False
+    if getattr(library, f"{family.kernel}_weights")() != family.q().d:
+        return False
+    # not what derives from them, whose agent may be another one
+    if type(algorithm) not in (MellowTDSettings, Settings) or algorithm.minibatch > MOST_BATCH:
+        return False
+    return not algorithm.transfers or bool(
+        algorithm.components <= MOST_COMPONENTS
+        and algorithm.n_samples < LANES
+        and sources <= MOST_SOURCES
+        and (algorithm.act, algorithm.covariance, algorithm.patience) == ("step", "full", 0)
+    )
+
+
+class NativeRun:
+    """One run in the kernel's memory, on the task in a row of a batch.
+
+    given: sources (S, d) if the algorithm transfers, else first weights (d,). mu (C, d) are the
+    present means. Random numbers are those of a run of an experiment, by their names.
+    """
+
+    def __init__(
+        self,
+        family: TaskFamily,
+        tasks: Tasks,
+        row: int,
+        algorithm: Any,
+        given: Tensor,
+        name: str,
+        run: int,
+    ) -> None:
+        library = kernels()
+        self._call = {
+            part: getattr(library, f"{family.kernel}_{part}")
+            for part in ("bytes", "begin", "iterate", "learning")
+        }
+        self._call["bytes"].restype, self._call["learning"].restype = ctypes.c_int64, ctypes.c_float
+        self._algorithm, self._tasks, self._d = algorithm, tasks, family.q().d
+        self._rng = {role: generator(name, run, role) for role in ROLES}
+        size = self._call["bytes"](algorithm.buffer) + LINE
+        self._memory = np.zeros(size, np.uint8)
+        at = -self._memory.ctypes.data % LINE
+        self._at = ctypes.c_void_p(self._memory.ctypes.data + at)
+        self._settings = _Settings.from_buffer(self._memory.data, at)
+        self._find_arrays(at)
+        factors = self._set(given, family.kernel_parameters(tasks, row))
+        noise = self._numbers("posterior", 1)
+        if self.mu.shape[0] > 1:
+            self._numbers("component", 1)  # the engine draws one before its first step
+        start = self._numbers("start", 1)
+        self._call["begin"](self._at, _pointer(factors), _pointer(noise), _pointer(start))
+
+    def _find_arrays(self, at: int) -> None:
+        """Find the kernel's arrays in the memory of the run."""
+        fields = [
+            ("settings", _Settings),
+            ("steps", ctypes.c_int64),
+            ("time_and_finished", ctypes.c_int32 * 2),
+            ("running_and_discount", ctypes.c_float * 2),
+            ("returns", ctypes.c_float * WINDOW),
+            ("observation", ctypes.c_float * self._tasks.obs_dim),
+        ]
+        head: Any = type("Head", (ctypes.Structure,), {"_fields_": fields})
+        self._head = head.from_buffer(self._memory.data, at)
+        wide = -(-self._d // LANES) * LANES
+        at += -(-ctypes.sizeof(head) // LINE) * LINE
+
+        def rows(count: int) -> np.ndarray:
+            nonlocal at
+            array = self._memory[at : at + 4 * count * wide].view(np.float32)
+            at += 4 * count * wide
+            return array.reshape(count, wide)[:, : self._d]
+
+        self.mu = rows(MOST_COMPONENTS)
+        rows(2 * MOST_COMPONENTS)
+        self._sources, self._W = rows(MOST_SOURCES), rows(MOST_SOURCES)
+
+    def _set(self, given: Tensor, parameters: list[float]) -> np.ndarray:
+        """Hand over all that a run begins with, but the factors L (C, d, d), which are returned."""
+        s, to = self._algorithm, self._settings
+        for name in ("minibatch", "buffer", "psi", "kappa", "gamma"):
+            setattr(to, name, getattr(s, name))
+        to.task[:] = [*parameters, *[0.0] * (4 - len(parameters))]
+        if not s.transfers:
+            to.family, to.components, to.alpha_mu, to.clip = LEARNER, 1, s.alpha, NO_CLIP
+            to.epsilon_steps, to.epsilon_end = s.epsilon_steps, s.epsilon_end
+            self.mu = self.mu[:1]
+            self.mu[:] = given.numpy()
+            return np.zeros(0, np.float32)
+        for name in ("components", "n_samples", "alpha_mu", "alpha_L", "sigma_min", "lambda_"):
+            setattr(to, name, getattr(s, name))
+        to.family = GAUSSIAN if s.family == "gaussian" else MIXTURE
+        to.sources, to.clip = len(given), NO_CLIP if s.clip is None else s.clip
+        to.equal, to.diagonal_kl = s.responsibilities == "equal", s.kl == "diagonal"
+        prior = s.prior(given.unsqueeze(0))
+        start = prior.start(s.components, s.init)
+        to.scale = prior.precision.scale
+        self.mu = self.mu[: s.components]
+        self.mu[:] = start.mu[0].numpy()
+        if prior.precision.W is not None:
+            self._sources[0] = prior.mu[0, 0].numpy()
+            self._W[: len(given)] = prior.precision.W[0].T.numpy()
+        elif to.equal:  # only their mean matters
+            self._sources[0], to.sources = given.mean(0).numpy(), 1
+        else:
+            self._sources[: len(given)] = given.numpy()
+        return np.ascontiguousarray(start_factors(start).numpy())
+
+    def _numbers(self, role: str, iterations: int) -> np.ndarray:
+        s, tasks, rng = self._algorithm, self._tasks, self._rng[role]
+        each = {
+            "posterior": s.components * (s.n_samples + 1) * self._d if s.transfers else 0,
+            "component": int(s.transfers and s.components > 1),
+            "replay": s.minibatch,
+            "noise": tasks.noise_dim,
+            "start": tasks.start_dim,
+            "exploration": 0 if s.transfers else 2,
+        }[role]
+        normal = role in ("posterior", "noise")
+        draw: Any = rng.standard_normal if normal else rng.random
+        numbers: np.ndarray = draw(iterations * each, np.float32)
+        return numbers
+
+    def advance(self, iterations: int) -> None:
+        """So many iterations."""
+        for done in range(0, iterations, AHEAD):
+            count = min(AHEAD, iterations - done)
+            numbers = [self._numbers(role, count) for role in ROLES]
+            random = _Random(*map(_pointer, numbers))
+            self._call["iterate"](self._at, count, ctypes.byref(random))
+
+    @property
+    def learning(self) -> float:
+        """Mean return of the last finished episodes."""
+        return float(self._call["learning"](self._at))
+
+    @property
+    def fingerprint(self) -> np.ndarray:
+        """As ``vtlib.training.fingerprint``, (4,)."""
+        mu = self.mu.astype(np.float64)
+        with np.errstate(all="ignore"):  # a run that has diverged is named at its next record
+            sums = mu.sum(), (mu**2).sum()
+        return np.array([*sums, sum(self._head.observation), self.learning])
+
+
+def train_natively(
+    runs: Sequence[NativeRun],
+    evaluate: Callable[[Tensor], Tensor],
+    iterations: int,
+    every: int,
+    names: list[str],
+    progress: Callable[[int], bool] | None = None,
+) -> Curves:
+    """As ``vtlib.training.train``; each run goes on alone from one record to the next."""
+    kept, learning, greedy, prints = [], [], [], []
+    before, count = 0, len(runs)
+    records = range(every, iterations + 1, every)
+    for t in sorted({*records, *(f for f in FINGERPRINTS if f <= iterations)}):
+        for run in runs:
+            run.advance(t - before)
+        before = t
+        if t in FINGERPRINTS:
+            prints.append([run.fingerprint for run in runs])
+        if t in records:
+            mu = torch.from_numpy(np.stack([run.mu for run in runs]))
+            check_finite(mu, names, t)
+            kept.append(t)
+            learning.append([run.learning for run in runs])
+            greedy.append(evaluate(mu).numpy())
+            if progress is not None and not progress(t):
+                break
+    return Curves(
+        np.array(kept),
+        np.array(learning).reshape(-1, count).T,
+        np.array(greedy).reshape(-1, count).T,
+        np.array(prints).reshape(-1, count, 4).swapaxes(0, 1),
+    )
+
+
+def _pointer(array: np.ndarray) -> Any:
+    return array.ctypes.data_as(_Floats)
