@@ -3,8 +3,7 @@
 import gymnasium
 
 from vtlib.envs.cartpole import Cartpole, CartpoleFamily
-from vtlib.envs.maze import MazeFamily, Mazes
-from vtlib.envs.mazes import load_mazes, parse_maze
+from vtlib.envs.maze import MazeFamily, Mazes, load_mazes, parse_maze
 from vtlib.envs.mountain_car import MountainCar, MountainCarFamily
 from vtlib.envs.rooms import Rooms, RoomsFamily
 
@@ -22,8 +21,5 @@ __all__ = [
 ]
 
 for _name in ("Rooms", "Cartpole", "MountainCar", "Maze"):
-    gymnasium.register(
-        id=f"vtlib/{_name}-v0",
-        entry_point=f"vtlib.envs.gym:{_name}Env",
-        vector_entry_point=f"vtlib.envs.gym:{_name}VectorEnv",
-    )
+    _package = "mountain_car" if _name == "MountainCar" else _name.lower()
+    gymnasium.register(f"vtlib/{_name}-v0", f"vtlib.envs.{_package}.gym:{_name}Env")

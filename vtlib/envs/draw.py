@@ -1,54 +1,54 @@
-"""Plain drawing of a rooms task: used by the environments' frames and by the book."""
+"""What the drawings of all environments share: colours, arrows, bare axes, and pictures of them."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from matplotlib.patches import Wedge
 
-from vtlib.envs.rooms import DOOR_WIDTH, GOAL, GOAL_RADIUS, SIDE, Rooms
+# The colour-blind safe palette of the book's figures.
+INK, GREY, GROUND, WALL = "#1a1a1a", "#8a8a8a", "#e6e6e6", "#3c3c3c"
+BODY, POLE, ARROW, FLAG = "#0072B2", "#E69F00", "#D55E00", "#009E73"
 
-
-def draw_rooms(
-    ax: Axes,
-    tasks: Rooms,
-    index: int = 0,
-    *,
-    wall_color: str = "black",
-    goal_color: str = "tab:green",
-    start_color: str = "tab:blue",
-) -> None:
-    """Draw task `index` on `ax`: square, walls with their doors, start (unless random) and goal."""
-    ax.add_patch(Wedge(GOAL, GOAL_RADIUS, 180, 270, color=goal_color, alpha=0.6, lw=0))
-    for height, door in zip(tasks.walls.tolist(), tasks.doors[index].tolist(), strict=True):
-        left, right = door - DOOR_WIDTH / 2, door + DOOR_WIDTH / 2
-        ax.plot([0, left], [height, height], color=wall_color, lw=2, solid_capstyle="butt")
-        ax.plot([right, SIDE], [height, height], color=wall_color, lw=2, solid_capstyle="butt")
-    if not tasks.uniform_start:
-        ax.plot(0, 0, "o", color=start_color, clip_on=False)
-    ax.set(xlim=(0, SIDE), ylim=(0, SIDE), aspect="equal", xticks=[], yticks=[])
-    for spine in ax.spines.values():
-        spine.set(color=wall_color, linewidth=2, visible=True)
+FONT = 11
 
 
-def frame(tasks: Rooms, index: int, position: np.ndarray) -> np.ndarray:
-    """One picture (400, 400, 3) uint8 of task `index` with the agent at `position` (2,)."""
-
-    def draw(ax: Axes) -> None:
-        draw_rooms(ax, tasks, index)
-        ax.plot(*position, "o", color="tab:red", markersize=9, clip_on=False)
-
-    return picture(draw, (4, 4))
-
-
-def picture(draw: Callable[[Axes], None], size: tuple[float, float]) -> np.ndarray:
-    """What `draw` puts on axes, (height, width, 3) uint8; `size` is in 100 pixels, width first."""
-    figure = Figure(figsize=size, dpi=100)
+def picture(draw: Callable[[Axes], None], size: tuple[int, int]) -> np.ndarray:
+    """What `draw` puts on axes, (height, width, 3) uint8; `size` is in pixels, width first."""
+    figure = Figure(figsize=(size[0] / 100, size[1] / 100), dpi=100)
     canvas = FigureCanvasAgg(figure)
     draw(figure.add_axes((0.05, 0.05, 0.9, 0.9)))
     canvas.draw()
     return np.asarray(canvas.buffer_rgba())[..., :3].copy()
+
+
+def arrow(
+    ax: Axes,
+    start: Iterable[float],
+    end: Iterable[float],
+    color: str = ARROW,
+    style: str = "-|>",
+    width: float = 2.0,
+) -> None:
+    """Draw an arrow between two points of the drawing, its head in proportion to its width."""
+    properties = {"arrowstyle": style, "color": color, "lw": width, "shrinkA": 0, "shrinkB": 0}
+    properties["mutation_scale"] = 8 + 3 * width  # size of the head in points
+    (x, y), (end_x, end_y) = start, end
+    ax.annotate("", (end_x, end_y), (x, y), arrowprops=properties)
+
+
+def bare(ax: Axes, xlim: tuple[float, float], ylim: tuple[float, float]) -> None:
+    """Equal scales and nothing but the drawing."""
+    ax.set(xlim=xlim, ylim=ylim, aspect="equal")
+    ax.set_axis_off()
+
+
+def framed(ax: Axes, side: float, color: str) -> None:
+    """A square of a given side with a frame, and without ticks."""
+    ax.set(xlim=(0, side), ylim=(0, side), aspect="equal", xticks=[], yticks=[])
+    ax.grid(False)
+    for spine in ax.spines.values():
+        spine.set(color=color, linewidth=2, visible=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import ClassVar, Protocol
+from typing import Any
 
 import gymnasium
 import numpy as np
@@ -11,33 +11,9 @@ import torch
 from torch import Tensor
 
 from vtlib.checks import check_kind
+from vtlib.envs.base import Tasks
 from vtlib.replay import Transition
-from vtlib.streams import Stream
-
-
-class Tasks(Protocol):
-    """A batch of R tasks with the dynamics as pure functions of state, action and noise."""
-
-    n_actions: ClassVar[int]
-    obs_dim: ClassVar[int]
-    noise_dim: ClassVar[int]
-    start_dim: ClassVar[int]
-    horizon: ClassVar[int]
-    gamma: ClassVar[float]
-
-    def __len__(self) -> int: ...
-
-    def start(self, u: Tensor) -> Tensor:
-        """Initial states from uniforms (R, start_dim)."""
-
-    def step(self, state: Tensor, action: Tensor, noise: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        """Next state, reward and terminal flag, from standard normal noise (R, noise_dim)."""
-
-    def observe(self, state: Tensor) -> Tensor:
-        """Observations (R, obs_dim)."""
-
-    def select(self, index: Tensor | np.ndarray | Sequence[int]) -> Tasks:
-        """The tasks of that index, repetitions allowed."""
+from vtlib.rng import Stream
 
 
 class Returns:
@@ -72,13 +48,20 @@ class Returns:
 
 
 class Episodes:
-    """Tasks of this library in lock-step, with the learning return of each run.
+    """Tasks of this library in lock-step, with the returns of each run's last ``window`` episodes.
 
-    ``obs`` (R, obs_dim) is what the agents see now, ``fresh`` (R,) marks first steps. The learning
-    return is the mean discounted return of the last ``window`` finished episodes.
+    ``obs`` (R, obs_dim) is what the agents see now, ``fresh`` (R,) marks first steps. To ``record``
+    is to keep every observation arrived at in ``visited``.
     """
 
-    def __init__(self, tasks: Tasks, noise: Stream, starts: Stream, window: int = 50) -> None:
+    def __init__(
+        self,
+        tasks: Tasks,
+        noise: Stream,
+        starts: Stream,
+        window: int = 50,
+        record: bool = False,
+    ) -> None:
         self._tasks, self._noise, self._starts = tasks, noise, starts
         self._state = tasks.start(starts.uniform(tasks.start_dim))
         self._time = torch.zeros(len(tasks), dtype=torch.int64)
@@ -86,18 +69,21 @@ class Episodes:
         self.obs = tasks.observe(self._state)
         self.obs_dim, self.n_actions = tasks.obs_dim, tasks.n_actions
         self.fresh = torch.ones(len(tasks), dtype=torch.bool)
+        self._record = record
+        self._arrived: list[Tensor] = []
 
     def step(self, action: Tensor) -> Transition:
         """Apply actions (R,) and return the transitions; runs whose episode ended start anew."""
         tasks = self._tasks
         start = self._starts.uniform(tasks.start_dim)
-        state, reward, terminal = tasks.step(
-            self._state, action, self._noise.normal(tasks.noise_dim)
-        )
+        noise = self._noise.normal(tasks.noise_dim)
+        state, reward, terminated = tasks.step(self._state, action, noise)
         next_obs = tasks.observe(state)
-        transition = Transition(self.obs, action, reward, next_obs, terminal)
+        transition = Transition(self.obs, action, reward, next_obs, terminated)
+        if self._record:
+            self._arrived.append(next_obs)
         self._time += 1
-        self.fresh = terminal | (self._time >= tasks.horizon)
+        self.fresh = terminated | (self._time >= tasks.horizon)
         self.returns.add(reward, self.fresh)
         self._state, self.obs = state, next_obs
         if self.fresh.any():
@@ -106,6 +92,11 @@ class Episodes:
             self.obs = tasks.observe(self._state)
         return transition
 
+    @property
+    def visited(self) -> Tensor:
+        """Observations arrived at so far, ends of episodes included: (R, T, obs_dim)."""
+        return torch.stack(self._arrived, 1)
+
     def keep(self, rows: Sequence[int]) -> None:
         """Go on with some of the runs, by their places in the batch, in that order."""
         for part in (self._noise, self._starts, self.returns):
@@ -113,25 +104,7 @@ class Episodes:
         self._tasks = self._tasks.select(rows)
         self._state, self._time = self._state[rows], self._time[rows]
         self.obs, self.fresh = self.obs[rows], self.fresh[rows]
-
-
-class RecordedEpisodes(Episodes):
-    """Episodes that keep every state they arrive at."""
-
-    def __init__(self, tasks: Tasks, noise: Stream, starts: Stream, window: int = 50) -> None:
-        super().__init__(tasks, noise, starts, window)
-        self._arrived: list[Tensor] = []
-
-    def step(self, action: Tensor) -> Transition:
-        """Apply actions (R,) and keep where they lead."""
-        transition = super().step(action)
-        self._arrived.append(transition.next_obs)
-        return transition
-
-    @property
-    def visited(self) -> Tensor:
-        """Observations arrived at so far, (R, T, obs_dim)."""
-        return torch.stack(self._arrived, 1)
+        self._arrived = [obs[rows] for obs in self._arrived]
 
 
 class GymEpisodes:
@@ -150,46 +123,43 @@ class GymEpisodes:
     ) -> None:
         if not envs:
             raise ValueError("there must be at least one environment")
-        checked = [_checked_spaces(env) for env in envs]
-        self._envs = list(envs)
-        self._first_actions = [int(discrete.start) for _, discrete in checked]
-        spaces = {(box.shape, int(discrete.n)) for box, discrete in checked}
-        if len(spaces) != 1:
-            raise ValueError(f"environments must have the same spaces, got {sorted(spaces)}")
-        first = [env.reset(seed=int(s))[0] for env, s in zip(envs, seeds, strict=True)]
-        self.obs = _stack(first)
-        self.obs_dim, self.n_actions = self.obs.shape[1], int(checked[0][1].n)
+        sizes = {_sizes(env) for env in envs}
+        if len(sizes) != 1:
+            raise ValueError(f"environments must have the same spaces, got {sorted(sizes)}")
+        ((self.obs_dim, self.n_actions),) = sizes
+        self._envs: list[Any] = list(envs)
+        seeded = zip(envs, seeds, strict=True)
+        self.obs = _stack([env.reset(seed=int(seed))[0] for env, seed in seeded])
         self.returns = Returns(len(envs), gamma, window)
         self.fresh = torch.ones(len(envs), dtype=torch.bool)
 
     def step(self, action: Tensor) -> Transition:
         """Apply actions (R,) and return the transitions; runs whose episode ended start anew."""
-        after, current, reward, terminal, done = [], [], [], [], []
-        actions = zip(self._envs, self._first_actions, action.tolist(), strict=True)
-        for env, first, a in actions:
-            obs, r, terminated, truncated, _ = env.step(a + first)
+        after, current, reward, ended, over = [], [], [], [], []
+        for env, a in zip(self._envs, action.tolist(), strict=True):
+            obs, r, terminated, truncated, _ = env.step(a + int(env.action_space.start))
             # copied: an environment may hand out one array again and again
             after.append(np.array(obs, np.float32))
             reward.append(float(r))
-            terminal.append(bool(terminated))
-            done.append(bool(terminated or truncated))
-            current.append(env.reset()[0] if done[-1] else obs)
-        transition = Transition(
-            self.obs, action, torch.tensor(reward), _stack(after), torch.tensor(terminal)
-        )
-        self.obs, self.fresh = _stack(current), torch.tensor(done)
+            ended.append(bool(terminated))
+            over.append(bool(terminated or truncated))
+            current.append(env.reset()[0] if over[-1] else obs)
+        outcome = torch.tensor(reward), _stack(after), torch.tensor(ended)
+        transition = Transition(self.obs, action, *outcome)
+        self.obs, self.fresh = _stack(current), torch.tensor(over)
         self.returns.add(transition.reward, self.fresh)
         return transition
 
 
-def _checked_spaces(env: gymnasium.Env) -> tuple[gymnasium.spaces.Box, gymnasium.spaces.Discrete]:
+def _sizes(env: gymnasium.Env) -> tuple[int, int]:
+    """Numbers of an observation and of actions; ValueError for spaces of another kind."""
     check_kind("each environment", env, gymnasium.Env)
     box, discrete = env.observation_space, env.action_space
     if not (isinstance(box, gymnasium.spaces.Box) and len(box.shape) == 1):
         raise ValueError(f"needs a one-dimensional Box observation space, got {box}")
     if not isinstance(discrete, gymnasium.spaces.Discrete):
         raise ValueError(f"needs a Discrete action space, got {discrete}")
-    return box, discrete
+    return box.shape[0], int(discrete.n)
 
 
 def _stack(observations: Sequence[np.ndarray]) -> Tensor:

@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 import functools
-from dataclasses import dataclass
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
+from attrs import frozen
 
-from vtlib.checks import check_kind, one_line, shown
-from vtlib.envs.maze_geometry import SIDE
+from vtlib.checks import check_kind, check_one_of, one_line
+from vtlib.envs.maze.geometry import SIDE
 
 FILE = Path(__file__).with_name("mazes.txt")
 WALL, FREE, GOAL, COMMENT = "#", ".", "G", ";"
 
 
-@dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class Maze:
     """One maze: `walls` (10, 10) bool at [x, y], the goal's cell (x, y), both from bottom left."""
 
@@ -32,13 +33,10 @@ def parse_maze(text: str, name: str = "maze") -> Maze:
     """
     check_kind("text", text, str)
     rows = [row.strip() for row in text.strip().splitlines()]
-    fault = _fault_of_shape(rows)
-    if fault is None:
-        cells = np.array([list(row) for row in reversed(rows)]).T
-        fault = _fault_of_cells(cells)
-    if fault is not None:
+    cells = np.array([list(row) for row in reversed(rows) if len(row) == SIDE]).T  # [x, y]
+    if (fault := next(_faults(rows, cells), None)) is not None:
         raise ValueError(one_line(f"{name}: {fault}"))
-    x, y = (int(i) for i in np.argwhere(cells == GOAL)[0])
+    x, y = np.argwhere(cells == GOAL)[0].tolist()
     return Maze(name, cells == WALL, (x, y))
 
 
@@ -46,7 +44,7 @@ def load_mazes(path: Path | str) -> dict[str, Maze]:
     """The mazes of a text file by their names, in its order.
 
     A maze is a line with its name and ten rows as `parse_maze` reads them; blank lines stand
-    between mazes, and lines that begin with ';' are comments.  Raises ValueError with one line that
+    between mazes, and lines that begin with ';' are comments. Raises ValueError with one line that
     gives the maze and its first fault.
     """
     file = one_line(Path(path).name)
@@ -75,50 +73,32 @@ def library() -> dict[str, Maze]:
 
 
 def named(name: str) -> Maze:
-    """A maze of the library.  Raises ValueError when there is none of that name."""
-    if name not in library():
-        raise ValueError(f"there is no maze {shown(name)}; there are {', '.join(library())}")
+    """A maze of the library. Raises ValueError when there is none of that name."""
+    check_one_of("maze", name, library())
     return library()[name]
 
 
-def _fault_of_shape(rows: list[str]) -> str | None:
+def _faults(rows: list[str], cells: np.ndarray) -> Iterator[str]:
+    """What is wrong with a drawing; only the first fault is to be asked for."""
     if len(rows) != SIDE:
-        return f"there are {len(rows)} rows, not {SIDE}"
+        yield f"there are {len(rows)} rows, not {SIDE}"
     for number, row in enumerate(rows, 1):
         if len(row) != SIDE:
-            return f"row {number} has {len(row)} cells, not {SIDE}"
+            yield f"row {number} has {len(row)} cells, not {SIDE}"
         if unknown := set(row) - {WALL, FREE, GOAL}:
-            return f"row {number} has {min(unknown)!r}, which is none of {WALL} {FREE} {GOAL}"
-    return None
-
-
-def _fault_of_cells(cells: np.ndarray) -> str | None:
-    """What is wrong with cells [x, y], those of the lowest row at y = 0."""
-    goals = np.argwhere(cells == GOAL)
-    if len(goals) != 1:
-        return f"there are {len(goals)} cells {GOAL}, not 1"
-    if not np.isin(goals[0], (0, SIDE - 1)).all():
-        x, y = goals[0]
-        return f"the goal, in row {SIDE - y}, column {x + 1}, is not in a corner"
-    free = cells != WALL
+            yield f"row {number} has {min(unknown)!r}, which is none of {WALL} {FREE} {GOAL}"
+    free, reached = cells != WALL, cells == GOAL
+    if reached.sum() != 1:
+        yield f"there are {reached.sum()} cells {GOAL}, not 1"
+    x, y = np.argwhere(reached)[0]
+    if not {x, y} <= {0, SIDE - 1}:
+        yield f"the goal, in row {SIDE - y}, column {x + 1}, is not in a corner"
     if free.sum() == 1:
-        return "there is no free cell to start from"
-    cut_off = np.argwhere(free & ~_connected(free, cells == GOAL))
-    if len(cut_off):
+        yield "there is no free cell to start from"
+    for _ in range(SIDE * SIDE):  # steps to the side: no way has more
+        wide = np.pad(reached, 1)
+        beside = wide[2:, 1:-1] | wide[:-2, 1:-1] | wide[1:-1, 2:] | wide[1:-1, :-2]
+        reached = free & (reached | beside)
+    if (cut_off := np.argwhere(free & ~reached)).size:
         x, y = max(cut_off.tolist(), key=lambda cell: (cell[1], -cell[0]))
-        return f"no way leads to the goal from row {SIDE - y}, column {x + 1}"
-    return None
-
-
-def _connected(free: np.ndarray, reached: np.ndarray) -> np.ndarray:
-    """Free cells (10, 10) that are connected with those reached through sides of free cells."""
-    while True:
-        wider = reached.copy()
-        wider[1:] |= reached[:-1]
-        wider[:-1] |= reached[1:]
-        wider[:, 1:] |= reached[:, :-1]
-        wider[:, :-1] |= reached[:, 1:]
-        wider &= free
-        if (wider == reached).all():
-            return reached
-        reached = wider
+        yield f"no way leads to the goal from row {SIDE - y}, column {x + 1}"

@@ -1,17 +1,16 @@
 """Where straight lines meet the walls of mazes, for a batch of mazes of unit cells at once.
 
-A line is followed by looking up what lies behind each of the few grid lines that it can cross; the
-axes x and y are handled alike, along a dimension of length two.  In NumPy, whose operations on
-small arrays cost a third of torch's, and in float64, so that rounding does not decide what a ray
-sees that passes close by a corner.
+What lies behind each of the few grid lines that a line can cross is looked up, for both axes along
+a dimension of length two. In NumPy, whose operations on small arrays cost a third of torch's, and
+in float64, so that rounding does not decide what a ray sees that passes close by a corner.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
+from attrs import frozen
 
 SIDE = 10  # cells, each 1 m wide
 REACH = 2.0  # m, of the sensors
@@ -25,7 +24,7 @@ BACK_OFF = 2e-4
 
 PADDING = 2  # cells of wall around the square: as far as a ray or a move can look beyond it
 WIDTH = SIDE + 2 * PADDING
-# Contents of cells.  The larger of a distance and WALL is the distance; the larger of a distance
+# Contents of cells. The larger of a distance and WALL is the distance; the larger of a distance
 # and anything else is at least REACH.  The same holds for GOAL - contents at the goal.
 WALL, FREE, GOAL = 0.0, REACH, 2 * REACH
 
@@ -37,7 +36,7 @@ _LINES = np.array([0.0, 1.0]).reshape(2, 1, 1, 1)  # the first and the second li
 _EDGES = (CLEARANCE + 1e-9) * np.array([-1.0, 1.0]).reshape(2, 1, 1)
 
 
-@dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class Ground:
     """R mazes as one flat array: contents `cells` (R WIDTH^2,), indices `origin` (R,) of (0, 0)."""
 
@@ -76,7 +75,7 @@ def look(
     """
     cell = np.floor(position)
     sign, inverse = np.sign(direction), 1 / direction
-    # A ray of 2 m meets at most two lines of a kind.  From here on: (line, axis, K, R).
+    # A ray of 2 m meets at most two lines of a kind. From here on: (line, axis, K, R).
     first = (0.5 * sign - (position - cell - 0.5)[:, None]) * inverse
     distance = np.minimum(first + np.abs(inverse) * _LINES, REACH)
     aside = np.floor(distance * direction[::-1] + position[::-1, None])
@@ -93,13 +92,13 @@ def look(
 def advance(ground: Ground, position: np.ndarray, move: np.ndarray) -> np.ndarray:
     """Where moves (2, R) from positions (2, R) end, going as far as no wall is in their way.
 
-    A robot that keeps CLEARANCE from all walls still does afterwards.  Moves longer than
+    A robot that keeps CLEARANCE from all walls still does afterwards. Moves longer than
     LONGEST_MOVE along an axis are cut to it.
     """
     move = move.clip(-LONGEST_MOVE, LONGEST_MOVE)
     cell, sign = np.floor(position), np.sign(move)
     # The share of the move after which the robot's clearance meets the next cell, FREE where that
-    # is beyond its end.  A robot that does not move along an axis divides by 0 there; fmin and
+    # is beyond its end. A robot that does not move along an axis divides by 0 there; fmin and
     # fmax turn the infinity or NaN into a number.
     line = cell + 0.5 + (0.5 - CLEARANCE) * sign
     with np.errstate(divide="ignore", invalid="ignore"):

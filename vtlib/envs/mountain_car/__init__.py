@@ -1,0 +1,46 @@
+"""Mountain car: what it brings to the experiments."""
+
+from __future__ import annotations
+
+import numpy as np
+import torch
+from attrs import frozen
+from torch import Tensor
+
+from vtlib.checks import check_whole
+from vtlib.envs.base import Plane, TaskFamily
+from vtlib.envs.mountain_car.plan import earned
+from vtlib.envs.mountain_car.tasks import GOAL, MAX_SPEED, POSITIONS, MountainCar
+from vtlib.qfunctions import MLP
+
+__all__ = ["MountainCar", "MountainCarFamily"]
+
+
+@frozen
+class MountainCarFamily(TaskFamily):
+    """Mountain car tasks with a speed uniform in [0.001, 0.0015] (thesis section 6.2.2)."""
+
+    parameters = MountainCar.parameters
+    limits = (-90.0, -35.0)
+    kernel = "mountain_car"
+    plane = Plane(
+        axes=(0, 1),
+        ends=((POSITIONS[0], GOAL), (-MAX_SPEED, MAX_SPEED)),
+        labels=("position", "velocity (per step)"),
+        units=(1.0, 1.0),
+        values=(-90.0, 0.0),
+        start=(-0.5, 0.0),
+    )
+
+    def q(self) -> MLP:
+        """A network with one hidden layer of 64 units: 387 weights."""
+        return MLP((2, 64, 3))
+
+    def optimum(self, tasks: MountainCar) -> Tensor:
+        """What the planned policy earns (R,), from the episodes' own starts."""
+        return torch.stack([earned(tasks, index) for index in range(len(tasks))])
+
+    def sample(self, rng: np.random.Generator, count: int) -> MountainCar:
+        """Draw `count` tasks, independent and alike. Raises ValueError when count < 1."""
+        check_whole("count", count)
+        return MountainCar.of(count, speed=rng.uniform(0.001, 0.0015, count))

@@ -1,0 +1,88 @@
+"""The rooms problem: what it brings to the experiments."""
+
+from __future__ import annotations
+
+import attrs
+import numpy as np
+import torch
+from attrs import frozen
+from torch import Tensor
+
+from vtlib.checks import check_between, check_positive, check_whole, shown
+from vtlib.envs.base import TaskFamily
+from vtlib.envs.rooms.plan import plan_rooms
+from vtlib.envs.rooms.tasks import DOOR_RANGE, Rooms
+from vtlib.qfunctions import RBFLinear
+
+__all__ = ["Rooms", "RoomsFamily"]
+
+START_CELLS = 50  # per axis, whose middles stand for starts anywhere
+
+
+@frozen
+class RoomsFamily(TaskFamily):
+    """A distribution over rooms tasks: doors uniform in [0.5, 9.5] unless told otherwise.
+
+    `rooms` is 2 or 3; `fixed_lower` puts the lowest door at one place in every task (thesis
+    6.1.2); `normal` = (mean, standard deviation) draws the doors from a Normal distribution,
+    clipped to [0.5, 9.5] (thesis 6.1.4). Raises ValueError on any other value.
+    """
+
+    rooms: int = 3
+    fixed_lower: float | None = None
+    normal: tuple[float, float] | None = None
+
+    parameters = Rooms.parameters
+    limits = (-0.02, 0.9)
+    scale = 0.0
+    kernel = "rooms"
+
+    def __attrs_post_init__(self) -> None:
+        check_whole("rooms", self.rooms, 2, 3)
+        if self.fixed_lower is not None:
+            check_between("fixed_lower", self.fixed_lower, *DOOR_RANGE)
+        if self.normal is not None:
+            if not (isinstance(self.normal, tuple) and len(self.normal) == 2):
+                raise ValueError(f"normal must be (mean, deviation), got {shown(self.normal)}")
+            check_between("the mean in normal", self.normal[0], *DOOR_RANGE)
+            check_positive("the deviation in normal", self.normal[1])
+
+    def q(self) -> RBFLinear:
+        """121 normalised radial bases for each of 4 actions: 484 weights."""
+        return RBFLinear(torch.arange(11.0), 1 / 9, Rooms.n_actions)
+
+    def optimum(self, tasks: Rooms) -> Tensor:
+        """Best expected discounted return (R,) of one episode, cut at the horizon.
+
+        From (0, 0), or the mean over starts anywhere in the square for tasks that start there.
+        """
+        u = torch.zeros(1, 2)
+        if tasks.uniform_start:
+            middles = (torch.arange(START_CELLS) + 0.5) / START_CELLS
+            u = torch.cartesian_prod(middles, middles)
+        plans = [plan_rooms(tasks, index) for index in range(len(tasks))]
+        return torch.stack([one.value(tasks.start(u)).mean() for one in plans])
+
+    def sample(self, rng: np.random.Generator, count: int) -> Rooms:
+        """Draw `count` tasks, independent and alike. Raises ValueError when count < 1."""
+        check_whole("count", count)
+        shape = (count, self.rooms - 1)
+        if self.normal is None:
+            doors = rng.uniform(*DOOR_RANGE, shape)
+        else:
+            doors = rng.normal(*self.normal, shape).clip(*DOOR_RANGE)
+        if self.fixed_lower is not None:
+            doors[:, 0] = self.fixed_lower
+        return Rooms.from_doors(doors)
+
+    def kernel_parameters(self, tasks: Rooms, row: int) -> list[float]:
+        """Both doors, the number of walls, and whether episodes start anywhere."""
+        doors = tasks.doors[row].tolist()
+        return [doors[0], doors[-1], float(len(doors)), float(tasks.uniform_start)]
+
+    def for_sources(self, tasks: Rooms) -> Rooms:
+        """The same rooms with episodes that start anywhere.
+
+        From the corner alone, chance rarely finds the goal.
+        """
+        return attrs.evolve(tasks, uniform_start=True)

@@ -1,0 +1,32 @@
+"""Walks: the states that episodes of a policy go through, for pictures of where it leads."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from vtlib.envs.base import Tasks
+
+
+def walks(
+    tasks: Tasks, policy: Callable[[Tensor], Tensor], start: Tensor, noise: Tensor
+) -> list[np.ndarray]:
+    """The states (T, n) of one episode in each of R tasks, the first and the last included.
+
+    The policy gives actions (R,) at states (R, n); episodes begin at start (R, n) and last at most
+    as many steps as there is standard normal noise, (steps, R, noise_dim).
+    """
+    state, states = start, [start]
+    over, length = torch.zeros(len(start), dtype=torch.bool), torch.ones(len(start)).long()
+    for each in noise:
+        state, _, terminated = tasks.step(state, policy(state), each)
+        states.append(state)
+        length += ~over
+        over |= terminated
+        if over.all():
+            break
+    whole = torch.stack(states, 1).numpy()
+    return [walk[:last] for walk, last in zip(whole, length.tolist(), strict=True)]
