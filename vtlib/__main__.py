@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 import argparse
-import os
 import re
 import sys
-from concurrent.futures import BrokenExecutor
 from pathlib import Path
+from typing import Any
 
 import torch
+from distributed import KilledWorker
 
-from vtlib import bench, store
+from vtlib import bench
 from vtlib.checks import one_line
-from vtlib.experiments import EXPERIMENTS, named
-from vtlib.experiments.reproduce import differing, first_runs, report, reproduce
-from vtlib.experiments.schedule import Workers, cluster, complete, processes
-from vtlib.experiments.verify import check_heads, results_of
+from vtlib.experiments import EXPERIMENTS, named, store
+from vtlib.experiments.check import differing, report, reproduce, verify
+from vtlib.experiments.schedule import complete
 from vtlib.training import Diverged
 
 
@@ -29,8 +28,8 @@ def main(arguments: list[str] | None = None) -> int:
     except (ValueError, OSError, store.TornResult, Diverged) as error:
         print(f"vtlib: {one_line(error)}", file=sys.stderr)
         return 2
-    except BrokenExecutor:
-        print("vtlib: a process was killed; the same command goes on from here", file=sys.stderr)
+    except KilledWorker:
+        print("vtlib: workers were killed; the same command goes on from here", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
         print("vtlib: interrupted; the same command goes on from here", file=sys.stderr)
@@ -75,7 +74,7 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _positive(text: str) -> int:
-    if not text.isdigit() or int(text) < 1:
+    if not text.isdecimal() or int(text) < 1:
         raise argparse.ArgumentTypeError(f"must be a whole number of at least 1, got {text!r}")
     return int(text)
 
@@ -86,43 +85,36 @@ def _device(text: str) -> str:
     return text
 
 
-def _workers(options: argparse.Namespace) -> Workers:
-    if options.scheduler:
-        return cluster(options.scheduler)
+def _workers(options: argparse.Namespace) -> dict[str, Any]:
     count, device = torch.cuda.device_count(), torch.device(options.device)
-    if device.type == "cuda" and (device.index or 0) >= count:
+    if not options.scheduler and device.type == "cuda" and (device.index or 0) >= count:
         raise ValueError(f"--device must be among the {count} of CUDA here, got {options.device}")
-    return processes(options.jobs or os.cpu_count() or 1)
+    return {name: getattr(options, name) for name in ("jobs", "scheduler", "device")}
 
 
 def _run(options: argparse.Namespace) -> int:
-    experiments = [named(options.experiment)]
-    complete(experiments, options.results, _workers(options), device=options.device)
+    complete([named(options.experiment)], options.results, **_workers(options))
     print(f"{options.experiment} is complete under {options.results}")
     return 0
 
 
 def _verify(options: argparse.Namespace) -> int:
-    names = options.experiment or list(EXPERIMENTS)
+    experiments = [named(name) for name in options.experiment or EXPERIMENTS]
     bad = 0
-    for owner, label in dict.fromkeys(pair for name in names for pair in results_of(name)):
-        wrong, parted = check_heads(owner, label, options.results)
+    for name, (wrong, parted) in verify(*experiments, root=options.results):
         bad += len(wrong)
         outcome = f"differs in {wrong}" if wrong else "verified"
         if parted:
             outcome += f", {parted} until rounding parted them"
-        print(f"{owner}/{label}: {outcome}", flush=True)
+        print(f"{name}: {outcome}", flush=True)
     return 1 if bad else 0
 
 
 def _reproduce(options: argparse.Namespace) -> int:
     experiments = [named(name) for name in dict.fromkeys(options.only or EXPERIMENTS)]
-    fresh = options.fresh or Path("_build/reproduced")
-    if options.runs:
-        experiments = [first_runs(e, options.runs) for e in experiments]
-        fresh = options.fresh or Path(f"_build/reproduced-{options.runs}")
-    workers = _workers(options)
-    comparisons = reproduce(experiments, options.results, fresh, workers, options.device)
+    beside = f"reproduced-{options.runs}" if options.runs else "reproduced"
+    fresh = options.fresh or Path("_build", beside)
+    comparisons = reproduce(experiments, options.results, fresh, options.runs, **_workers(options))
     for line in report(comparisons):
         print(line)
     return 1 if differing(comparisons) else 0

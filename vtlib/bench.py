@@ -2,26 +2,26 @@
 
 from __future__ import annotations
 
-import cProfile
-import pstats
 import time
 from collections.abc import Callable
-from pathlib import Path
-from typing import Any
+from itertools import islice
 
 import torch
+from attrs import evolve
 
-from vtlib.domains import domain
-from vtlib.experiments import CAR, CARTPOLE, MAZE_TARGETS, ROOMS_EVALUATION, Experiment
-from vtlib.experiments.experiment import Algorithm
-from vtlib.experiments.runs import Batch, prepare
-from vtlib.experiments.work import pool_weights
-from vtlib.store import results_folder
+from vtlib.experiments.cartpole import CARTPOLE
+from vtlib.experiments.experiment import Experiment
+from vtlib.experiments.maze import MAZE_TARGETS
+from vtlib.experiments.mountain_car import CAR
+from vtlib.experiments.rooms import ROOMS_EVALUATION
+from vtlib.experiments.run import prepare, prepare_natively
+from vtlib.experiments.store import weights
+from vtlib.training import iterate
 from vtlib.transfer import Settings
 
-RUNS = 20
+RUNS = 20  # of the engine, which advance together
 # milliseconds of the 2018 code, one core
-PUBLISHED = (
+PUBLISHED: tuple[tuple[Experiment, dict[str, float]], ...] = (
     (ROOMS_EVALUATION, {"NT": 0.71, "GVT": 17.0, "1-MGVT": 17.5, "3-MGVT": 80.0}),
     (CARTPOLE, {"DDQN": 0.74, "GVT": 5.5, "1-MGVT": 8.0, "3-MGVT": 19.0}),
     (CAR, {"DDQN": 0.9, "GVT": 17.0, "1-MGVT": 17.0, "3-MGVT": 73.0}),
@@ -30,12 +30,6 @@ PUBLISHED = (
         {"DDQN": 1.2, "GVT": 180.0, "1-MGVT": 233.0, "3-MGVT": 1187.0},  # GVT: up to 500
     ),
 )
-# functions, by their files, whose time is that of a part of an iteration
-PARTS = {
-    "factor": ("factor", ("look_ahead", "product", "step")),
-    "network": ("transfer", ("td_gradients",)),
-    "noise": ("streams", ("normal",)),
-}
 PASS = 2  # operations per weight and state: a product and a sum
 
 
@@ -45,48 +39,44 @@ def sgemm_rate(size: int = 1500, repeats: int = 5) -> float:
     return 2 * size**3 / _best(lambda: a @ a, repeats)
 
 
-def bound(experiment: Experiment, algorithm: Algorithm, rate: float) -> float:
+def bound(experiment: Experiment, label: str, rate: float) -> float:
     """Milliseconds that an iteration's floating-point operations take at that rate, at the least.
 
     A gradient needs a pass forward and one back, at states and at next states (DDQN: two forward
     passes at the latter); the factors L need 2 d^2 (n + 1/2) operations each, with n samples.
     """
-    d = domain(experiment.family).q().d
+    d, algorithm = experiment.family.q().d, experiment.algorithms[label]
     if isinstance(algorithm, Settings):
-        each: float = 4 * PASS * d * algorithm.batch * algorithm.weights
-        each += 2 * d**2 * (algorithm.weights + 0.5)
+        each: float = 4 * PASS * d * algorithm.minibatch * algorithm.n_samples
+        each += 2 * d**2 * (algorithm.n_samples + 0.5)
         return 1e3 * algorithm.components * each / rate
-    return 1e3 * 4 * PASS * d * algorithm.batch / rate
+    return 1e3 * 4 * PASS * d * getattr(algorithm, "minibatch", 0) / rate
 
 
-def ready(experiment: Experiment, label: str) -> Batch:
-    """Runs of an algorithm of an experiment, ready to advance; KeyError when it has none such."""
-    pool = pool_weights(experiment.pool, results_folder())
-    return prepare(experiment, label, experiment.algorithms[label], range(RUNS), pool)
+def engine(experiment: Experiment, label: str, iterations: int = 20) -> float:
+    """Milliseconds per run and iteration of the engine, many runs at once."""
+    batch = prepare(experiment, label, range(RUNS), weights(experiment.pool))
+    loop = iterate(batch.agent, batch.episodes)
+    return _milliseconds(lambda n: list(islice(loop, n)), iterations) / RUNS
 
 
-def milliseconds(batch: Batch, iterations: int = 50, repeats: int = 5) -> float:
-    """Milliseconds per run and iteration."""
-    _advance(batch, iterations)
-    return 1e3 * _best(lambda: _advance(batch, iterations), repeats) / iterations / RUNS
+def kernel(experiment: Experiment, label: str, iterations: int = 200) -> float | None:
+    """The same of the kernels, one run at a time; None where they do not know the environment."""
+    runs = prepare_natively(experiment, label, [0], weights(experiment.pool))
+    return None if runs is None else _milliseconds(runs[0].advance, iterations)
 
 
-def shares(batch: Batch, iterations: int = 50) -> dict[str, float]:
-    """The share of each part in the time of an iteration, by the profiler."""
-    profile = cProfile.Profile()
-    profile.runcall(_advance, batch, iterations)
-    stats: Any = pstats.Stats(profile)  # Any: its types leave out what it counted
-    found = dict.fromkeys(PARTS, 0.0)
-    for (file, _, function), (_, _, _, seconds, _) in stats.stats.items():
-        for part, (stem, functions) in PARTS.items():
-            if Path(file).stem.startswith(stem) and function in functions:
-                found[part] += seconds
-    return {part: seconds / stats.total_tt for part, seconds in found.items()}
+def in_torch(experiment: Experiment, label: str) -> Experiment:
+    """The experiment with an algorithm whose posterior is left to torch."""
+    algorithm = experiment.algorithms[label]
+    if isinstance(algorithm, Settings):
+        algorithm = evolve(algorithm, covariance="dense")
+    return evolve(experiment, algorithms={label: algorithm}, counts={})
 
 
-def _advance(batch: Batch, iterations: int) -> None:
-    for _ in range(iterations):
-        batch.advance()
+def _milliseconds(work: Callable[[int], object], iterations: int, repeats: int = 5) -> float:
+    work(iterations)
+    return 1e3 * _best(lambda: work(iterations), repeats) / iterations
 
 
 def _best(work: Callable[[], object], repeats: int) -> float:
@@ -100,18 +90,17 @@ def _best(work: Callable[[], object], repeats: int) -> float:
 
 
 def main() -> int:
-    """Print the table."""
+    """Print the table: what is used first, its ratio to the bound, and the others beside it."""
     rate = sgemm_rate()
-    print(f"one core, float32 matrix product: {rate / 1e9:.0f} GFLOP/s; batch of {RUNS} runs")
+    print(f"one core, float32 matrix product: {rate / 1e9:.0f} GFLOP/s; ms per run and iteration")
+    head = ("used", "bound", "ratio", "kernel", "engine", "torch", "2018 code")
     for experiment, published in PUBLISHED:
-        title = f"{experiment.name} (d = {domain(experiment.family).q().d})"
-        parts = "".join(f"{part:>9}" for part in PARTS)
-        print(f"{title:28}{'ms':>8}{'bound':>8}{'ratio':>8}{'2018 code':>12}{parts}")
+        title = f"{experiment.name} (d = {experiment.family.q().d})"
+        print(f"{title:28}" + "".join(f"{name:>10}" for name in head))
         for label, old in published.items():
-            algorithm, batch = experiment.algorithms[label], ready(experiment, label)
-            measured, least = milliseconds(batch), bound(experiment, algorithm, rate)
-            row = f"{measured:8.3f}{least:8.3f}{measured / least:8.1f}{old:12.2f}"
-            if isinstance(algorithm, Settings):
-                row += "".join(f"{share:9.0%}" for share in shares(batch).values())
-            print(f"{label:28}{row}", flush=True)
+            alone, together = kernel(experiment, label), engine(experiment, label)
+            plain = engine(in_torch(experiment, label), label, 5)
+            used, least = alone or together, bound(experiment, label, rate)
+            row = (used, least, used / least, alone or float("nan"), together, plain, old)
+            print(f"{label:28}" + "".join(f"{x:10.3f}" for x in row), flush=True)
     return 0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import islice
 from typing import NamedTuple
 
 import gymnasium
@@ -10,13 +11,13 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from vtlib.baselines import MellowTD, MellowTDSettings
+from vtlib.baselines import MellowTDSettings
 from vtlib.checks import check_kind, check_weights, check_whole
 from vtlib.envs.episodes import GymEpisodes
 from vtlib.qfunctions import QFunction
-from vtlib.streams import Stream, generator
-from vtlib.training import Agent, check_finite
-from vtlib.transfer import Settings, VariationalTransfer
+from vtlib.rng import Rng, generator
+from vtlib.training import Agent, check_finite, iterate
+from vtlib.transfer import Settings
 
 
 class Learned(NamedTuple):
@@ -45,13 +46,9 @@ def solve(
     """
     check_whole("iterations", iterations)
     settings = settings or MellowTDSettings(epsilon_steps=max(1, iterations // 2))
-    episodes = _episodes(envs, q, name)
-    runs = range(len(envs))
-    start = 0.1 * Stream(name, [0], "initial weights").normal(q.d).expand(len(envs), -1)
-    streams = (Stream(name, runs, role) for role in ("exploration", "replay"))
-    return _learn(
-        MellowTD(q, start, episodes.obs_dim, settings, *streams), episodes, iterations, name
-    )
+    episodes, rng = _episodes(envs, q, name), Rng(name, range(len(envs)))
+    start = 0.1 * Rng(name, [0]).stream("initial weights").normal(q.d).expand(len(envs), -1)
+    return _learn(settings.agent(q, start, episodes.obs_dim, rng), episodes, iterations, name)
 
 
 def transfer(
@@ -64,24 +61,23 @@ def transfer(
 ) -> Learned:
     """Learn each environment with a prior from solved sources (S, d): Algorithm 1.
 
-    Everything random derives from ``name``. Raises ValueError for spaces other than Box and
-    Discrete, for a Q-function with another number of observations or actions, and for sources that
-    are missing, not finite or not of the Q-function's shape.
+    Derives and raises as ``solve``, also for sources that are missing, not finite or not of the
+    Q-function's shape.
     """
     check_whole("iterations", iterations)
     check_kind("sources", sources, Tensor)
     check_weights("sources", sources, "source", q.d)
-    episodes = _episodes(envs, q, name)
-    runs = range(len(envs))
+    episodes, rng = _episodes(envs, q, name), Rng(name, range(len(envs)))
     shared = sources.detach().expand(len(envs), *sources.shape)
-    streams = (Stream(name, runs, role) for role in ("posterior", "component", "replay"))
-    agent = VariationalTransfer(q, shared, episodes.obs_dim, settings or Settings(), *streams)
+    agent = (settings or Settings()).agent(q, shared, episodes.obs_dim, rng)
     return _learn(agent, episodes, iterations, name)
 
 
 def _episodes(envs: Sequence[gymnasium.Env], q: QFunction, name: str) -> GymEpisodes:
     check_kind("envs", envs, Sequence)
-    episodes = GymEpisodes(envs, _seeds(name, len(envs)))
+    limit, runs = np.iinfo(np.int32).max, range(len(envs))
+    seeds = [int(generator(name, run, "environment").integers(limit)) for run in runs]
+    episodes = GymEpisodes(envs, seeds)
     if q.n_actions != episodes.n_actions:
         raise ValueError(
             f"the Q-function must have the environments' {episodes.n_actions} actions, "
@@ -92,14 +88,8 @@ def _episodes(envs: Sequence[gymnasium.Env], q: QFunction, name: str) -> GymEpis
 
 def _learn(agent: Agent, episodes: GymEpisodes, iterations: int, name: str) -> Learned:
     returns = []
-    for t in range(1, iterations + 1):
-        agent.learn(episodes.step(agent.act(episodes.obs, episodes.fresh)))
+    for t in islice(iterate(agent, episodes), iterations):
         if t % 100 == 0:
             check_finite(agent.mu, [f"run {r} of {name}" for r in range(len(agent.mu))], t)
             returns.append(episodes.returns.mean())
     return Learned(agent.mu.detach(), torch.stack(returns, 1) if returns else torch.empty(0))
-
-
-def _seeds(name: str, count: int) -> list[int]:
-    limit = np.iinfo(np.int32).max
-    return [int(generator(name, run, "environment").integers(limit)) for run in range(count)]

@@ -1,87 +1,15 @@
 """The book's experiments: a frozen configuration per figure; what runs, stores, verifies."""
 
-from vtlib.experiments.control import (
-    CAR,
-    CAR_SLIDERS,
-    CARTPOLE,
-    CARTPOLE_COLLAPSE,
-    CARTPOLE_LATE,
-    CARTPOLE_LATE_AGAIN,
-    CARTPOLE_OTHER_SOURCES,
-    CARTPOLE_SLIDERS,
-)
-from vtlib.experiments.deviations import ROOMS_CORNER, ROOMS_DEVIATIONS
+from vtlib.experiments import cartpole, maze, mountain_car, rooms
+from vtlib.experiments.check import live_check
 from vtlib.experiments.experiment import Experiment
-from vtlib.experiments.mazes import MAZE_SLIDERS, MAZE_TARGETS
-from vtlib.experiments.rooms import (
-    ROOMS_CALIBRATION,
-    ROOMS_CHANGE,
-    ROOMS_CHANGE_SLIDERS,
-    ROOMS_EVALUATION,
-    ROOMS_EXPLORATION,
-    ROOMS_LIKELIHOOD,
-    ROOMS_LIKELIHOOD_SLIDERS,
-    ROOMS_LIKELIHOOD_STARTS,
-    ROOMS_SLIDERS,
-    ROOMS_SOURCES,
-)
+from vtlib.experiments.store import load, returns
 
-__all__ = [
-    "CAR",
-    "CARTPOLE",
-    "CARTPOLE_COLLAPSE",
-    "CARTPOLE_LATE",
-    "CARTPOLE_LATE_AGAIN",
-    "CARTPOLE_OTHER_SOURCES",
-    "CARTPOLE_SLIDERS",
-    "CAR_SLIDERS",
-    "EXPERIMENTS",
-    "MAZE_SLIDERS",
-    "MAZE_TARGETS",
-    "POOLS",
-    "ROOMS_CALIBRATION",
-    "ROOMS_CHANGE",
-    "ROOMS_CHANGE_SLIDERS",
-    "ROOMS_CORNER",
-    "ROOMS_DEVIATIONS",
-    "ROOMS_EVALUATION",
-    "ROOMS_EXPLORATION",
-    "ROOMS_LIKELIHOOD",
-    "ROOMS_LIKELIHOOD_SLIDERS",
-    "ROOMS_LIKELIHOOD_STARTS",
-    "ROOMS_SLIDERS",
-    "ROOMS_SOURCES",
-    "Experiment",
-    "named",
-]
+__all__ = ["EXPERIMENTS", "POOLS", "live_check", "load", "named", "returns"]
 
-EXPERIMENTS = {
-    e.name: e
-    for e in (
-        ROOMS_EVALUATION,
-        ROOMS_SLIDERS,
-        ROOMS_CHANGE,
-        ROOMS_CHANGE_SLIDERS,
-        ROOMS_EXPLORATION,
-        ROOMS_LIKELIHOOD,
-        ROOMS_LIKELIHOOD_SLIDERS,
-        ROOMS_LIKELIHOOD_STARTS,
-        ROOMS_SOURCES,
-        CARTPOLE,
-        CARTPOLE_SLIDERS,
-        *CARTPOLE_OTHER_SOURCES.values(),
-        CARTPOLE_COLLAPSE,
-        CARTPOLE_LATE,
-        CARTPOLE_LATE_AGAIN,
-        CAR,
-        CAR_SLIDERS,
-        *MAZE_TARGETS.values(),
-        MAZE_SLIDERS,
-        ROOMS_CALIBRATION,
-        ROOMS_DEVIATIONS,
-        ROOMS_CORNER,
-    )
-}
+# For the command line: an experiment of one's own runs, stores and verifies without it.
+PAGES = (rooms.EXPERIMENTS, cartpole.EXPERIMENTS, mountain_car.EXPERIMENTS, maze.EXPERIMENTS)
+EXPERIMENTS: dict[str, Experiment] = {e.name: e for page in PAGES for e in page}
 POOLS = {e.pool.name: e.pool for e in EXPERIMENTS.values()}
 
 

@@ -1,23 +1,88 @@
-"""What an experiment is: a frozen configuration of runs; and the sliders' settings around one."""
+"""What an experiment is: frozen configurations of source pools and of runs; and the sliders."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from typing import ClassVar, Protocol, runtime_checkable
 
-from vtlib.baselines import DDQNSettings, MellowTDSettings
+import attrs
+from attrs import Factory, evolve, field, frozen
+from torch import Tensor
+
+from vtlib import checks
+from vtlib.baselines import MellowTDSettings
 from vtlib.checks import check_kind, check_name, check_one_of, check_positive, check_whole, shown
-from vtlib.domains import Family
-from vtlib.sources import Pool
+from vtlib.envs.base import TaskFamily
+from vtlib.qfunctions import QFunction
+from vtlib.rng import Rng
+from vtlib.training import Agent
 from vtlib.transfer import Settings
 
-Algorithm = Settings | MellowTDSettings | DDQNSettings
 ITERATIONS = 10_000
-TASKS = "tasks"  # under this name an experiment's targets are stored, beside its algorithms
+# The labels under which a pool's solved sources and an experiment's targets are stored.
+SOURCES, TASKS = "sources", "tasks"
 
 
-@dataclass(frozen=True)
+@runtime_checkable
+class Algorithm(Protocol):
+    """The settings of an algorithm: a frozen attrs class, stored beside what it computes."""
+
+    transfers: ClassVar[bool]
+
+    def agent(self, q: QFunction, given: Tensor, obs_dim: int, rng: Rng, /) -> Agent:
+        """The agent of R runs: sources (R, S, d) are given if it transfers, else weights (R, d)."""
+
+
+def _check_algorithm(name: str, value: object) -> None:
+    check_kind(name, value, Algorithm)
+    if not attrs.has(type(value)):
+        raise ValueError(f"{name} must be of an attrs class, got {shown(value)}")
+
+
+@frozen
+class Pool:
+    """A pool of source tasks of ``family``, solved without transfer.
+
+    A source is kept at the first check, from ``iterations`` on, at which its greedy policy passes:
+    over ``episodes`` episodes it reaches the ``required`` share, as the family measures it. The
+    others are trained on, up to ``limit`` iterations, and then begin anew, from the same weights
+    with other random numbers, until they have had so many ``attempts``. ``common`` starts all
+    networks from the same weights: only then do hidden units stay comparable between sources, so
+    that weights can be averaged. Sources begin episodes where the family has it for sources, or,
+    ``as_targets``, where targets do. Pools that share a ``stream`` share tasks and random numbers.
+    Raises ValueError for a value outside its range.
+    """
+
+    name: str = field(validator=checks.name())
+    family: TaskFamily = field(validator=checks.kind(TaskFamily))
+    count: int = field(default=50, validator=checks.whole())
+    iterations: int = field(default=20_000, validator=checks.whole())
+    limit: int = field(default=150_000, validator=checks.whole())
+    check_every: int = field(default=1_000, validator=checks.whole())
+    episodes: int = field(default=200, validator=checks.whole())
+    required: float = field(default=0.9, validator=checks.between(0, 1))
+    attempts: int = field(default=1, validator=checks.whole())
+    settings: Algorithm = field(default=MellowTDSettings(epsilon_steps=14_000))
+    common: bool = field(default=True, validator=checks.kind(bool))
+    as_targets: bool = field(default=False, validator=checks.kind(bool))
+    stream: str = field(
+        default=Factory(lambda self: self.name, takes_self=True), validator=checks.name()
+    )
+
+    def __attrs_post_init__(self) -> None:
+        try:
+            self.family.source_tasks(self.stream, [self.count - 1])
+        except IndexError:
+            raise ValueError(
+                f"count must not exceed the tasks of the family, got {self.count}"
+            ) from None
+        _check_algorithm("settings", self.settings)
+        if self.settings.transfers:
+            raise ValueError(f"settings must not transfer, got {shown(self.settings)}")
+
+
+@frozen
 class Experiment:
     """A figure's runs: targets from ``family``, ``sources`` of ``pool`` drawn for each run.
 
@@ -30,65 +95,45 @@ class Experiment:
     for a value outside its range.
     """
 
-    name: str
-    pool: Pool
-    family: Family
-    algorithms: Mapping[str, Algorithm]
-    runs: int = 20
-    sources: int = 10
-    iterations: int = ITERATIONS
-    every: int = 100
-    stream: str = ""
-    runs_per_task: int = 1
-    counts: Mapping[str, int] = field(default_factory=dict)
-    visits: bool = False
-    excluded: tuple[int, ...] = ()
-    probes: int = 0
+    name: str = field(validator=checks.name())
+    pool: Pool = field(validator=checks.kind(Pool))
+    family: TaskFamily = field(validator=checks.kind(TaskFamily))
+    algorithms: Mapping[str, Algorithm] = field(validator=checks.kind(Mapping))
+    runs: int = field(default=20, validator=checks.whole())
+    sources: int = field(default=10, validator=checks.whole())
+    iterations: int = field(default=ITERATIONS, validator=checks.whole())
+    every: int = field(default=100, validator=checks.whole())
+    stream: str = field(
+        default=Factory(lambda self: self.name, takes_self=True), validator=checks.name()
+    )
+    runs_per_task: int = field(default=1, validator=checks.whole())
+    counts: Mapping[str, int] = field(factory=dict, validator=checks.kind(Mapping))
+    visits: bool = field(default=False, validator=checks.kind(bool))
+    excluded: tuple[int, ...] = field(default=(), validator=checks.kind(tuple))
+    probes: int = field(default=0, validator=checks.whole(0))
 
-    def __post_init__(self) -> None:
-        check_name("name", self.name)
-        check_kind("pool", self.pool, Pool)
+    def __attrs_post_init__(self) -> None:
         # sources are of use only to tasks with the same Q-function
         check_kind("family", self.family, type(self.pool.family))
-        self._check_algorithms()
-        for name in ("runs", "iterations", "runs_per_task"):
-            check_whole(name, getattr(self, name))
-        check_whole("every", self.every, 1, self.iterations)
-        if self.runs % self.runs_per_task:
-            raise ValueError(
-                f"runs_per_task must divide the {self.runs} runs, got {self.runs_per_task}"
-            )
-        self._check_sources()
-        check_kind("visits", self.visits, bool)
-        self._check_probes()
-        if self.stream == "":
-            object.__setattr__(self, "stream", self.name)
-        check_name("stream", self.stream)
-
-    def _check_algorithms(self) -> None:
-        check_kind("algorithms", self.algorithms, Mapping)
         if not self.algorithms:
             raise ValueError(f"algorithms must name at least one, got {shown(self.algorithms)}")
         for label, algorithm in self.algorithms.items():
             check_name("a label in algorithms", label)
             if label == TASKS:
                 raise ValueError(f"algorithms must not be called {TASKS!r}, got {shown(label)}")
-            check_kind(f"algorithms[{label!r}]", algorithm, Algorithm)
-
-    def _check_sources(self) -> None:
-        check_kind("excluded", self.excluded, tuple)
+            _check_algorithm(f"algorithms[{label!r}]", algorithm)
+        check_whole("every", self.every, 1, self.iterations)
+        if self.runs % self.runs_per_task:
+            raise ValueError(
+                f"runs_per_task must divide the {self.runs} runs, got {self.runs_per_task}"
+            )
         for index in self.excluded:
             check_whole("excluded", index, 0, self.pool.count - 1)
         check_whole("sources", self.sources, 1, len(self.eligible))
-        check_kind("counts", self.counts, Mapping)
         for label, count in self.counts.items():
             check_one_of("a label in counts", label, self.algorithms)
             check_whole(f"counts[{label!r}]", count, 1, self.sources)
-
-    def _check_probes(self) -> None:
-        check_whole("probes", self.probes, 0)
-        transfers = all(isinstance(one, Settings) for one in self.algorithms.values())
-        if self.probes and not transfers:
+        if self.probes and not all(one.transfers for one in self.algorithms.values()):
             raise ValueError(f"probes must be 0 unless all algorithms transfer, got {self.probes}")
 
     @property
@@ -101,9 +146,10 @@ class Experiment:
         return run // self.runs_per_task
 
     def transfer_settings(self, label: str) -> Settings:
-        """The settings of an algorithm that transfers."""
+        """The settings of an algorithm that transfers; ValueError when it is another one."""
         settings = self.algorithms[label]
-        assert isinstance(settings, Settings), f"{label} does not transfer"
+        check_kind(f"algorithms[{label!r}]", settings, Settings)
+        assert isinstance(settings, Settings)
         return settings
 
     def sources_of(self, label: str) -> int:
@@ -143,11 +189,11 @@ def sliders_of(
     """
     check_one_of("the sliders' algorithm", "1-MGVT", experiment.algorithms)
     base = experiment.transfer_settings("1-MGVT")
-    return replace(
+    return evolve(
         experiment,
         name=name,
         algorithms={
-            slider_name(lambda_, psi, c): replace(base, lambda_=lambda_, psi=psi, components=c)
+            slider_name(lambda_, psi, c): evolve(base, lambda_=lambda_, psi=psi, components=c)
             for c in reversed(components)
             for lambda_ in lambdas or slider_lambdas(base)
             for psi in psis

@@ -1,249 +1,304 @@
-"""Computing what experiments lack: units in processes of this machine, or on a Dask cluster.
+"""Computing what experiments lack, unit by unit, by the workers of a Dask cluster.
 
-Runs start as soon as the pool that they transfer from is solved. Killed at any moment, the same
-call goes on with the units that are missing.
+A unit is what can be computed alone: a batch of sources of a pool, an experiment's task table, or a
+batch of runs of one algorithm. A finished unit is kept under ``parts`` until its siblings are
+there, then they are joined into one stored result. When a worker dies, another one computes its
+unit; killed at any moment, the same call goes on with the units that are missing. Source:
+Rocklin (2015), https://distributed.dask.org.
 """
 
 from __future__ import annotations
 
-import multiprocessing
+import contextlib
+import logging
+import math
 import os
+import resource
 import shutil
-import threading
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
-from contextlib import AbstractContextManager, contextmanager
-from functools import partial
-from multiprocessing.queues import Queue
+import signal
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from itertools import groupby
 from pathlib import Path
 
 import numpy as np
 import torch
+from attrs import frozen
+from distributed import Client, Future, LocalCluster, WorkerPlugin, as_completed, get_worker
 from tqdm import tqdm
 
-from vtlib import __version__, store
-from vtlib.experiments.experiment import Experiment
-from vtlib.experiments.work import (
-    PARTS,
-    Unit,
-    check,
-    compute,
-    done,
-    join_finished,
-    keep,
-    pool_weights,
-    run_units,
-    source_units,
-)
-from vtlib.sources import Pool
+from vtlib import __version__
+from vtlib.experiments import run, sources, store
+from vtlib.experiments.experiment import SOURCES, TASKS, Experiment, Pool
 
-GUESS = 1e-3  # seconds per iteration of one run, where none is stored
+BATCH = 10  # runs that advance together; fixed, so that results never depend on the workers
+SOURCE_BATCH = 25  # at most: a small pool is cut in two, for two cores
+PARTS = "parts"
+
+
+@frozen
+class Unit:
+    """One batch of work towards the stored result of its owner under ``label``."""
+
+    owner: Pool | Experiment
+    label: str  # "sources", "tasks" or an algorithm's label
+    members: Sequence[int]
+
+    @property
+    def part(self) -> Path:
+        """Where the finished unit waits for its siblings, relative to the results."""
+        span = f"{self.members[0]:03d}-{self.members[-1]:03d}"
+        return Path(PARTS) / self.owner.name / f"{self.label}-{span}"
+
+    @property
+    def result(self) -> Path:
+        """The stored result that the unit belongs to, relative to the results."""
+        return Path(self.owner.name) / self.label
+
+    @property
+    def pool(self) -> Pool | None:
+        """The pool that has to be solved before, if there is one."""
+        return None if isinstance(self.owner, Pool) or self.label == TASKS else self.owner.pool
+
+    @property
+    def expected_seconds(self) -> float:
+        """What it took of a processor for the book's stored results; a guess where none are."""
+        path = store.results_folder() / self.result
+        if store.exists(path):
+            note = store.provenance(path)
+            of = note["config"]["count" if isinstance(self.owner, Pool) else "runs"]
+            return float(note["seconds"] * len(self.members) / of)
+        return 1e-3 * len(self.members) * self.owner.iterations
+
+
+def units_of(owner: Pool | Experiment) -> list[Unit]:
+    """The units of a pool or experiment, longest first as it lists its algorithms."""
+    if isinstance(owner, Pool):
+        labels, count, size = [SOURCES], owner.count, min(SOURCE_BATCH, math.ceil(owner.count / 2))
+    else:
+        labels, count, size = list(owner.algorithms), owner.runs, BATCH
+    parts = [range(at, min(at + size, count)) for at in range(0, count, size)]
+    whole = [] if isinstance(owner, Pool) else [Unit(owner, TASKS, range(count))]
+    return [Unit(owner, label, part) for label in labels for part in parts] + whole
+
+
+def compute(
+    unit: Unit,
+    weights: np.ndarray | None = None,
+    report: Callable[[float], None] = lambda share: None,
+    device: str = "cpu",
+) -> tuple[store.Arrays, store.Note]:
+    """The arrays of one unit, and what it took: seconds of processor, megabytes of memory, machine.
+
+    weights: (count, d), of the pool that runs transfer from. report is told the share done.
+    Posteriors live on the device, all else on the processor.
+    """
+    with contextlib.suppress(OSError):
+        # the peak of memory counts from here; where the system cannot, it counts earlier units
+        Path("/proc/self/clear_refs").write_text("5")
+    began, owner, where = time.process_time(), unit.owner, "cpu"
+    if isinstance(owner, Pool):
+        most = owner.limit * owner.attempts
+        arrays = sources.solve(owner, unit.members, lambda t: report(t / most))
+    elif unit.label == TASKS:
+        arrays = run.task_table(owner)
+    else:
+        assert weights is not None
+        where = device if owner.algorithms[unit.label].transfers else where
+
+        def progress(t: int) -> bool:
+            report(t / owner.iterations)
+            return True
+
+        arrays = run.run_batch(owner, unit.label, unit.members, weights, progress, where)
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return arrays, {
+        "seconds": round(time.process_time() - began, 2),
+        "megabytes": round(peak / (1 << 20 if sys.platform == "darwin" else 1 << 10)),
+        "machine": store.machine(where),
+    }
+
+
+def keep(unit: Unit, arrays: store.Arrays, note: store.Note, root: Path) -> None:
+    """Store a finished unit among the parts."""
+    note = {**note, "config": store.config_of(unit.owner, unit.label)}
+    store.save(root / unit.part, arrays, note)
+
+
+def done(unit: Unit, root: Path) -> bool:
+    """Whether the unit, or the result that it belongs to, is stored."""
+    return store.exists(root / unit.result) or store.exists(root / unit.part)
+
+
+def check(units: Iterable[Unit], root: Path) -> None:
+    """Raise store.TornResult where what is stored of the units is not theirs, or damaged."""
+    places = {path: unit for unit in units for path in (root / unit.result, root / unit.part)}
+    for path, unit in places.items():
+        if store.exists(path):
+            _, note = store.read(path)
+            store.check_note(path, note, unit.owner, unit.label)
+
+
+def join_finished(units: Iterable[Unit], root: Path) -> None:
+    """Join the parts of every result whose units are all finished into one stored result."""
+    for result, siblings in groupby(units, lambda unit: unit.result):
+        group = list(siblings)
+        if not store.exists(root / result):
+            if not all(store.exists(root / u.part) for u in group):
+                continue
+            check(group, root)
+            parts = [store.read(root / u.part) for u in group]
+            store.save(root / result, *_joined(group[0], *zip(*parts, strict=True)))
+        for unit in group:
+            store.remove(root / unit.part)
+
+
+def _joined(
+    unit: Unit, parts: Sequence[store.Arrays], notes: Sequence[store.Note]
+) -> tuple[store.Arrays, store.Note]:
+    """Arrays of all runs, with the iterations that all recorded alike, and their provenance."""
+    shared = {"iterations"} if "learning" in parts[0] else set()
+    arrays = {
+        key: one if key in shared else np.concatenate([part[key] for part in parts])
+        for key, one in parts[0].items()
+    }
+    return arrays, {
+        "owner": unit.owner.name,
+        "label": unit.label,
+        "config": store.config_of(unit.owner, unit.label),
+        "seeds": f"SHA-256 of {unit.owner.stream}/<run>/<role>",
+        "seconds": round(sum(note["seconds"] for note in notes), 2),
+        "megabytes": max(note["megabytes"] for note in notes),
+        "vtlib": __version__,
+        "machine": notes[0]["machine"],
+    }
 
 
 class Progress:
     """One bar over units, each as long as it took when the stored results were computed."""
 
     def __init__(self, units: Sequence[Unit], name: str, quiet: bool) -> None:
-        self._seconds = {str(u.part): expected_seconds(u) for u in units}
-        self._shares = dict.fromkeys(self._seconds, 0.0)
-        self._left = len(units)
-        # no smoothing: the time left follows from the average speed of all that was done
-        self._bar = tqdm(
+        self._seconds = {str(u.part): u.expected_seconds for u in units}
+        self._gone = dict.fromkeys(self._seconds, 0.0)
+        self.bar = tqdm(
             total=sum(self._seconds.values()),
             desc=name,
-            disable=quiet or not units,
-            smoothing=0,
-            bar_format="{desc} {percentage:3.0f}%|{bar}| {elapsed} gone, {remaining} left{postfix}",
+            disable=quiet,
+            smoothing=0,  # the time left follows from the average speed of all that was done
+            bar_format="{desc} {percentage:3.0f}%|{bar}| {elapsed} gone, {remaining} left",
         )
 
     def tell(self, part: str, share: float) -> None:
-        """Take note that so much of a unit is done; all of it when the share is 1."""
-        if share <= self._shares[part]:
-            return  # a late message of a process whose unit is already kept
-        self._shares[part] = share
-        done = sum(self._shares[p] * self._seconds[p] for p in self._seconds)
-        self._bar.update(min(done, self._bar.total) - self._bar.n)
-        if share == 1:
-            self._left -= 1
-            self._bar.set_postfix_str(f" {self._left} units to go", refresh=False)
-
-    def close(self) -> None:
-        """End the bar."""
-        self._bar.close()
-
-
-Finished = tuple[store.Arrays, store.Note]
-Message = tuple[str, float] | None
-Workers = Callable[[Progress], AbstractContextManager[Executor]]
+        """Take note that so much of a unit is done, unless more was known to be."""
+        self._gone[part] = max(self._gone[part], share * self._seconds[part])
+        self.bar.update(min(sum(self._gone.values()), self.bar.total) - self.bar.n)
 
 
 def complete(
     experiments: Sequence[Experiment],
-    root: Path,
-    workers: Workers,
-    quiet: bool = False,
+    root: Path | None = None,
+    jobs: int | None = None,
+    scheduler: str | None = None,
     device: str = "cpu",
+    quiet: bool = False,
 ) -> None:
     """Compute whatever the experiments, and the pools that they need, still lack under root.
 
-    The posteriors of runs live on the device. Raises, before any work, ValueError where root
-    cannot be a folder, store.TornResult where something stored there is not theirs.
+    By as many processes of this machine as there are cores, or ``jobs``, or by the workers of a
+    Dask scheduler, such as "tcp://host:8786". A script that calls this needs the guard
+    ``if __name__ == "__main__"``, for each process begins by importing it. Posteriors live on the
+    device. Raises, before any work, OSError where root cannot be a folder, store.TornResult where
+    something stored there is not theirs.
     """
-    try:
-        root.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise ValueError(f"results must lie in a folder, got {root}: {error.strerror}") from None
-    pools = list({e.pool.name: e.pool for e in experiments}.values())
-    units = [u for pool in pools for u in source_units(pool)]
-    units += [u for experiment in experiments for u in run_units(experiment)]
+    root = root or store.results_folder()
+    root.mkdir(parents=True, exist_ok=True)
+    pools = {e.pool.name: e.pool for e in experiments}
+    units = [unit for pool in pools.values() for unit in units_of(pool)]
+    units += [unit for experiment in experiments for unit in units_of(experiment)]
     check(units, root)
     join_finished(units, root)
     missing = [u for u in units if not done(u, root)]
-    name = experiments[0].name if len(experiments) == 1 else f"{len(experiments)} experiments"
-    progress = Progress(missing, name, quiet)
-    try:
-        if missing:
-            with workers(progress) as executor:
-                _compute_all(missing, units, root, executor, progress, device)
-    finally:
-        progress.close()
-    _drop_empty(root / PARTS)
+    if missing:
+        one = len(experiments) == 1
+        name = experiments[0].name if one else f"{len(experiments)} experiments"
+        progress = Progress(missing, name, quiet)
+        with progress.bar, _cluster(jobs, scheduler, progress) as client:
+            _compute_all(missing, root, client, progress, device)
+    # a name that begins with a dot is what a kill left half written
+    if not any(p.is_file() and not p.name.startswith(".") for p in (root / PARTS).rglob("*")):
+        shutil.rmtree(root / PARTS, ignore_errors=True)
 
 
 def _compute_all(
-    missing: Sequence[Unit],
-    units: Sequence[Unit],
-    root: Path,
-    executor: Executor,
-    progress: Progress,
-    device: str,
+    missing: list[Unit], root: Path, client: Client, progress: Progress, device: str
 ) -> None:
-    waiting, running = list(missing), dict[Future[Finished], Unit]()
-    weights: dict[str, np.ndarray] = {}
+    """Hand out units as soon as their pools are solved, and keep what comes back."""
+    waiting = list(enumerate(missing))
+    running: dict[Future[tuple[store.Arrays, store.Note]], Unit] = {}
+    futures = as_completed(loop=client.loop)
     while waiting or running:
         blocked = []
-        for unit in waiting:
-            pool = _pool_of(unit)
-            if pool and not store.exists(root / pool.name / "sources"):
-                blocked.append(unit)
+        for place, unit in waiting:
+            if unit.pool and not store.exists(store.path_of(unit.pool, SOURCES, root)):
+                blocked.append((place, unit))
                 continue
-            if pool and pool.name not in weights:
-                weights[pool.name] = pool_weights(pool, root)
-            given = weights[pool.name] if pool else None
-            running[executor.submit(_in_worker, unit, given, device)] = unit
+            given = unit, unit.pool and store.weights(unit.pool, root), client.id, device
+            future = client.submit(_in_worker, *given, pure=False, priority=-place)
+            running[future] = unit
+            futures.add(future)
         waiting = blocked
-        finished, _ = wait(running, return_when=FIRST_COMPLETED)
         # what is done is kept before an error of another unit ends the work
-        for future in sorted(finished, key=lambda f: f.exception() is not None):
+        for future in sorted(futures.next_batch(), key=lambda f: f.status == "error"):
             unit = running.pop(future)
-            keep(unit, *future.result(), root)
-            join_finished([u for u in units if u.result == unit.result], root)
+            arrays, note = future.result()
+            keep(unit, arrays, note, root)
+            join_finished([u for u in units_of(unit.owner) if u.result == unit.result], root)
             progress.tell(str(unit.part), 1)
 
 
-def _pool_of(unit: Unit) -> Pool | None:
-    """The pool whose sources the unit needs, if it does."""
-    if isinstance(unit.owner, Experiment) and unit.label != "tasks":
-        return unit.owner.pool
-    return None
-
-
-def expected_seconds(unit: Unit) -> float:
-    """What the unit took of a processor for the book's stored results; a guess where none are."""
-    path = store.results_folder() / unit.result
-    if store.exists(path):
-        note = store.provenance(path)
-        of = note["config"]["count" if unit.label == "sources" else "runs"]
-        return float(note["seconds"] * len(unit.members) / of)
-    return GUESS * len(unit.members) * unit.owner.iterations
-
-
-def processes(jobs: int) -> Workers:
-    """So many processes of this machine, one torch thread each."""
-    return partial(_processes, jobs)
-
-
-@contextmanager
-def _processes(jobs: int, progress: Progress) -> Iterator[Executor]:
-    context = multiprocessing.get_context("spawn")
-    queue = context.Queue()
-    watcher = threading.Thread(target=_watch, args=(queue, progress), daemon=True)
-    watcher.start()
-    try:
-        with ProcessPoolExecutor(jobs, context, _begin_worker, (queue,)) as executor:
-            try:
-                yield executor
-            except BaseException:
-                executor.shutdown(wait=False, cancel_futures=True)
-                raise
-    finally:
-        queue.put(None)
-        watcher.join()
-
-
-_queue: Queue[Message] | None = None  # where a process of this machine tells how far it is
-
-
-def _begin_worker(queue: Queue[Message]) -> None:
-    global _queue
-    _queue = queue
-    threading.Thread(target=_end_with_parent, daemon=True).start()
-
-
-def _end_with_parent() -> None:
-    """A worker whose parent was killed would otherwise compute on, or wait for ever."""
-    parent = multiprocessing.parent_process()
-    assert parent is not None
-    parent.join()
-    os._exit(1)
-
-
-def _in_worker(unit: Unit, weights: np.ndarray | None, device: str) -> Finished:
+def _in_worker(
+    unit: Unit, weights: np.ndarray | None, topic: str, device: str
+) -> tuple[store.Arrays, store.Note]:
     torch.set_num_threads(1)
-
-    def report(share: float) -> None:
-        if _queue is not None:
-            _queue.put((str(unit.part), share))
-
-    return compute(unit, weights, report, device)
+    tell = get_worker().log_event
+    return compute(unit, weights, lambda share: tell(topic, (str(unit.part), share)), device)
 
 
-def _watch(queue: Queue[Message], progress: Progress) -> None:
-    for part, share in iter(queue.get, None):
-        progress.tell(part, share)
+class _Deaf(WorkerPlugin):
+    """Ctrl-C reaches every process of a terminal; only the one that was started answers it."""
+
+    def setup(self, worker: object) -> None:
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
-def cluster(address: str) -> Workers:
-    """The workers of a Dask scheduler, such as "tcp://host:8786"; a lost worker's units move on.
-
-    Source: Rocklin (2015), https://distributed.dask.org.
-    """
-    return partial(_cluster, address)
-
-
-@contextmanager
-def _cluster(address: str, progress: Progress) -> Iterator[Executor]:
-    try:
-        from distributed import Client
-    except ImportError as error:
-        raise ValueError("--scheduler needs Dask: pip install distributed") from error
-    with Client(address, timeout=10, set_as_default=False) as client:
-        _check_versions(client.run(_versions))
-        yield client.get_executor(pure=False)
+@contextlib.contextmanager
+def _cluster(jobs: int | None, scheduler: str | None, progress: Progress) -> Iterator[Client]:
+    """A client of the scheduler, or else of processes of this machine, which end with it."""
+    with contextlib.ExitStack() as stack:
+        if scheduler is not None:
+            client = stack.enter_context(Client(scheduler, timeout=10, set_as_default=False))
+        else:
+            local = LocalCluster(
+                n_workers=jobs or os.cpu_count() or 1,
+                threads_per_worker=1,
+                dashboard_address="127.0.0.1:0",  # there is a server even without a dashboard
+                scheduler_kwargs={"dashboard": False},
+                local_directory=stack.enter_context(tempfile.TemporaryDirectory()),
+                memory_limit=0,  # Dask would stop workers at their share of the memory
+                silence_logs=logging.CRITICAL,
+            )
+            client = stack.enter_context(Client(stack.enter_context(local), set_as_default=False))
+            client.register_plugin(_Deaf())
+        for worker, versions in client.run(_versions).items():
+            if versions != _versions():
+                raise ValueError(f"worker {worker} must have {_versions()}, has {versions}")
+        client.subscribe_topic(client.id, lambda event: progress.tell(*event[1]))
+        stack.callback(client.unsubscribe_topic, client.id)
+        yield client
 
 
 def _versions() -> dict[str, str]:
     """Versions that decide about the numbers; workers of others would leave mixed results."""
     return {"vtlib": __version__, **{k: store.machine()[k] for k in ("torch", "numpy")}}
-
-
-def _check_versions(workers: dict[str, dict[str, str]]) -> None:
-    for worker, theirs in workers.items():
-        if theirs != _versions():
-            raise ValueError(f"worker {worker} must have {_versions()}, has {theirs}")
-
-
-def _drop_empty(folder: Path) -> None:
-    # a name that begins with a dot is what a kill left half written
-    if not any(p.is_file() and not p.name.startswith(".") for p in folder.rglob("*")):
-        shutil.rmtree(folder, ignore_errors=True)

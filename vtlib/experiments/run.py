@@ -1,0 +1,200 @@
+"""One batch of runs of an experiment: draw targets and sources, build the agents, train.
+
+``run_batch`` is the seam where whole runs can be handed to another engine: it is given an
+experiment, the label of an algorithm, which runs, and the weights of the pool, and returns the
+arrays that are stored.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from itertools import islice
+
+import numpy as np
+import torch
+from attrs import frozen
+from torch import Tensor
+
+from vtlib.envs.base import Tasks
+from vtlib.envs.episodes import Episodes
+from vtlib.evaluation import Evaluation
+from vtlib.experiments.experiment import Experiment
+from vtlib.experiments.probes import probe_of
+from vtlib.experiments.sources import check_pool_weights
+from vtlib.native.runs import NativeRun, supports, train_natively
+from vtlib.rng import Rng, generator
+from vtlib.training import FINGERPRINTS, Agent, Curves, iterate, train
+
+EVALUATION_EPISODES = 10
+
+
+@frozen
+class Batch:
+    """Some runs of one algorithm, ready to train."""
+
+    agent: Agent
+    episodes: Episodes
+    evaluate: Evaluation
+
+    def moments(self, at: Sequence[int]) -> Iterator[int]:
+        """Each of some iterations, once the runs have come to it; 0 is before the first."""
+        if 0 in at:
+            yield 0
+        for t in islice(iterate(self.agent, self.episodes), max(at)):
+            if t in at:
+                yield t
+
+
+def targets(experiment: Experiment, runs: Sequence[int]) -> Tasks:
+    """The target task of each run."""
+    numbers = [experiment.task_of(run) for run in runs]
+    return experiment.family.draw_tasks(experiment.stream, numbers)
+
+
+def chosen_sources(experiment: Experiment, runs: Sequence[int]) -> np.ndarray:
+    """Indices (R, sources) of the pool's sources that each run transfers from."""
+    return np.stack(
+        [
+            generator(experiment.stream, run, "sources").choice(
+                experiment.eligible, experiment.sources, replace=False
+            )
+            for run in runs
+        ]
+    )
+
+
+def prepare(
+    experiment: Experiment,
+    label: str,
+    runs: Sequence[int],
+    weights: np.ndarray,
+    device: str = "cpu",
+) -> Batch:
+    """Agents, episodes and evaluation of some runs of an algorithm.
+
+    weights (count, d) are those of the pool's sources. Posteriors live on the device. Raises
+    ValueError when an algorithm that transfers is given weights that are not finite, not float32
+    or of another shape.
+    """
+    family, rng = experiment.family, Rng(experiment.stream, runs)
+    tasks, given = targets(experiment, runs), _given(experiment, label, runs, weights)
+    noise, starts = rng.stream("noise"), rng.stream("start")
+    return Batch(
+        experiment.algorithms[label].agent(family.q(), given.to(device), tasks.obs_dim, rng),
+        Episodes(tasks, noise, starts, family.window, experiment.visits),
+        _evaluation(experiment, runs),
+    )
+
+
+def _evaluation(experiment: Experiment, runs: Sequence[int]) -> Evaluation:
+    q, rng = experiment.family.q(), Rng(experiment.stream, runs)
+    return Evaluation(q, targets(experiment, runs), rng, EVALUATION_EPISODES)
+
+
+def _given(experiment: Experiment, label: str, runs: Sequence[int], weights: np.ndarray) -> Tensor:
+    """What an algorithm begins with: the sources (R, S, d) of each run, or first weights (R, d)."""
+    if not experiment.algorithms[label].transfers:
+        return experiment.family.first_weights(experiment.stream, runs)
+    check_pool_weights(experiment.pool, weights)
+    chosen = chosen_sources(experiment, runs)[:, : experiment.sources_of(label)]
+    return torch.from_numpy(weights[chosen])
+
+
+def _names(experiment: Experiment, label: str, runs: Sequence[int]) -> list[str]:
+    return [f"run {run} of {experiment.name}, {label}" for run in runs]
+
+
+def run_batch(
+    experiment: Experiment,
+    label: str,
+    runs: Sequence[int],
+    weights: np.ndarray,
+    progress: Callable[[int], bool] | None = None,
+    device: str = "cpu",
+) -> dict[str, np.ndarray]:
+    """Train some runs of the algorithm of that label to the experiment's end: arrays to store.
+
+    run (R,), iterations (T,) at which returns were recorded, learning and greedy returns (R, T),
+    fingerprints (R, 3, 4), and whatever the experiment's visits and probes add, over the runs.
+    weights and device are as for ``prepare``; progress is told the iteration at each record, and
+    stops the training by returning False. Another engine that keeps these arrays can stand here,
+    as the kernels do where they know the environment and nothing but returns is asked for.
+    """
+    more = {}
+    how_long = experiment.iterations, experiment.every
+    if device == "cpu" and not (experiment.visits or experiment.probes):
+        curves = _returns(experiment, label, runs, weights, *how_long, progress)
+    else:
+        batch = prepare(experiment, label, runs, weights, device)
+        probe = probe_of(experiment, label, runs, targets(experiment, runs))
+
+        def evaluate(mu: Tensor) -> Tensor:
+            if probe is not None:
+                probe.look(batch.agent)
+            return batch.evaluate(mu)
+
+        names = _names(experiment, label, runs)
+        curves = train(batch.agent, batch.episodes, evaluate, *how_long, names, progress)
+        if experiment.visits:
+            more["visited"] = batch.episodes.visited.numpy()
+        if probe is not None:
+            more |= probe.arrays
+    return {
+        "run": np.array(runs),
+        "iterations": curves.iterations,
+        "learning": curves.learning.astype(np.float32),
+        "greedy": curves.greedy.astype(np.float32),
+        "fingerprints": curves.fingerprints,
+        **more,
+    }
+
+
+def _returns(
+    experiment: Experiment,
+    label: str,
+    runs: Sequence[int],
+    weights: np.ndarray,
+    iterations: int,
+    every: int,
+    progress: Callable[[int], bool] | None = None,
+) -> Curves:
+    """Returns and fingerprints of some runs, by the kernels if they can."""
+    alone = prepare_natively(experiment, label, runs, weights)
+    how = iterations, every, _names(experiment, label, runs), progress
+    if alone is not None:
+        return train_natively(alone, _evaluation(experiment, runs), *how)
+    batch = prepare(experiment, label, runs, weights)
+    return train(batch.agent, batch.episodes, batch.evaluate, *how)
+
+
+def prepare_natively(
+    experiment: Experiment, label: str, runs: Sequence[int], weights: np.ndarray
+) -> list[NativeRun] | None:
+    """Some runs of an algorithm in C++; None where the kernels cannot run it."""
+    family, algorithm, stream = experiment.family, experiment.algorithms[label], experiment.stream
+    if not supports(family, algorithm, experiment.sources_of(label)):
+        return None
+    tasks, given = targets(experiment, runs), _given(experiment, label, runs, weights)
+    return [
+        NativeRun(family, tasks, row, algorithm, given[row], stream, run)
+        for row, run in enumerate(runs)
+    ]
+
+
+def head(
+    experiment: Experiment, label: str, runs: Sequence[int], weights: np.ndarray
+) -> np.ndarray:
+    """Fingerprints (R, 3, 4) of the first iterations of some runs, computed anew."""
+    last = FINGERPRINTS[-1]
+    return _returns(experiment, label, runs, weights, last, last + 1).fingerprints
+
+
+def task_table(experiment: Experiment) -> dict[str, np.ndarray]:
+    """Targets, chosen sources and planned optimum of all runs."""
+    runs = range(experiment.runs)
+    firsts = targets(experiment, runs[:: experiment.runs_per_task])
+    return {
+        **experiment.family.values(targets(experiment, runs)),
+        "sources": chosen_sources(experiment, runs),
+        "optimum": experiment.family.optimum(firsts).numpy().repeat(experiment.runs_per_task),
+    }
