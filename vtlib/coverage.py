@@ -10,12 +10,12 @@ from vtlib.qfunctions import QFunction
 LEVELS = (0.5, 0.9, 0.95)
 
 
-def posterior_samples(mu: Tensor, L: Tensor, noise: Tensor) -> Tensor:
-    """Weights (R, C K, d) of mixtures with means mu (R, C, d), factors L (R, C, d, d).
+def posterior_samples(mu: Tensor, scale_tril: Tensor, noise: Tensor) -> Tensor:
+    """Weights (R, C K, d) of mixtures with means mu (R, C, d) and factors scale_tril (R, C, d, d).
 
     noise: standard normal (R, C, K, d), K draws for each component.
     """
-    return (mu.unsqueeze(2) + noise @ L.transpose(-1, -2)).flatten(1, 2)
+    return (mu.unsqueeze(2) + noise @ scale_tril.mT).flatten(1, 2)
 
 
 def values_at(q: QFunction, weights: Tensor, obs: Tensor, action: Tensor) -> Tensor:

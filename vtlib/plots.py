@@ -4,18 +4,21 @@ from __future__ import annotations
 
 import io
 from base64 import b64encode
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
-from dataclasses import dataclass
+from collections.abc import Mapping
+from functools import partial
+from html import escape
+from types import MappingProxyType
 from typing import Any
 
 import matplotlib as mpl
 import numpy as np
+from attrs import frozen
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.typing import LineStyleType
 from PIL import Image
+from xarray import Dataset
 
 from vtlib.stats import mean_interval
 
@@ -29,6 +32,7 @@ COLOURS = {
     "3-MGVT": "#009E73",
 }
 OPTIMUM = "#1a1a1a"
+KINDS = MappingProxyType({"learning return": "learning", "greedy return": "greedy"})
 # Line styles tell curves apart in print, and variants of one algorithm from it.
 STYLES: dict[str, LineStyleType] = {
     "NT": (0, (1, 1)),
@@ -60,17 +64,15 @@ class BookFigure(Figure):
     """A figure that notebooks show by itself, without a plotting backend."""
 
     def _repr_png_(self) -> bytes:
-        return png(self)
+        raw = io.BytesIO()
+        self.savefig(raw, format="png", dpi=STYLE["savefig.dpi"])
+        return raw.getvalue()
 
 
-@contextmanager
-def look() -> Iterator[None]:
-    """Draw inside this context to get the book's look."""
-    with mpl.rc_context(STYLE):
-        yield
+look = partial(mpl.rc_context, STYLE)  # draw inside this context to get the book's look
 
 
-@dataclass(frozen=True)
+@frozen(eq=False)
 class Curve:
     """Returns (R, T) of R runs at iterations (T,), drawn as one line with its band."""
 
@@ -120,11 +122,93 @@ def learning_figure(
     return figure
 
 
-def png(figure: Figure) -> bytes:
-    """The figure as a PNG, twice as fine as a page is wide."""
-    raw = io.BytesIO()
-    figure.savefig(raw, format="png", dpi=STYLE["savefig.dpi"])
-    return raw.getvalue()
+def panels(runs: Mapping[str, Dataset], kinds: Mapping[str, str] = KINDS) -> dict[str, list[Curve]]:
+    """A panel of each algorithm's curves for each of its returns' kinds, by the panel's name."""
+    return {
+        title: [
+            curve(label, label, stored.iteration.values, stored[kind].values)
+            for label, stored in runs.items()
+        ]
+        for title, kind in kinds.items()
+    }
+
+
+def returns_figure(
+    runs: Mapping[str, Dataset],
+    limits: tuple[float, float],
+    kinds: Mapping[str, str] = KINDS,
+    title: str = "",
+) -> Figure:
+    """Returns {algorithm: stored ones} with the mean optimum dashed; limits of their axis."""
+    with look():
+        return learning_figure(panels(runs, kinds), mean_optimum(runs), limits, title)
+
+
+def starts_figure(
+    runs: Mapping[str, Dataset], starts: Mapping[str, str], limits: tuple[float, float]
+) -> Figure:
+    """Learning return of algorithms from the minimiser of the KL, and dashed from another start.
+
+    starts: {algorithm: name of its other start}, whose returns are "algorithm-start" in runs.
+    """
+    both = {}
+    for label, start in starts.items():
+        first, second = runs[label], runs[f"{label}-{start}"]
+        at, colour = first.iteration.values, COLOURS[label]
+        both[f"{label}, dashed from the {start}"] = [
+            Curve("minimiser of the KL", at, first.learning.values, colour),
+            Curve("other start", at, second.learning.values, colour, (0, (2, 1))),
+        ]
+    with look():
+        return learning_figure(both, mean_optimum(runs), limits)
+
+
+def mean_optimum(runs: Mapping[str, Dataset]) -> float:
+    """The mean planned optimum of algorithms that run on the same tasks."""
+    return float(next(iter(runs.values())).optimum.mean())
+
+
+def first_runs(runs: Dataset, other: Dataset) -> Dataset:
+    """As many runs and iterations as another result has; both count from the same first run."""
+    sizes = other.learning.sizes
+    return runs.isel(run=slice(sizes["run"]), iteration=slice(sizes["iteration"]))
+
+
+def setting_picture(
+    references: Mapping[str, Dataset],
+    mine: Dataset,
+    setting: tuple[float, float, int],
+    thesis: tuple[float, float],
+    limits: tuple[float, float],
+) -> str:
+    """Returns with a setting (lambda, psi, components) of the sliders as an HTML picture.
+
+    Beside them are the same runs of the references, {algorithm: its stored returns}; thesis is
+    its lambda and psi, limits are those of the axis of returns.
+    """
+    runs = {label: first_runs(stored, mine) for label, stored in references.items()}
+    runs[f"{setting[2]}-MGVT"] = mine
+    end = float(mine.learning[:, -1].mean())
+    alt = f"Returns with {setting_words(*setting)}; final learning return {end:.2f}."
+    with look():
+        figure = returns_figure(runs, limits, title=setting_title(*setting, thesis))
+        return image_html(small_png(figure), alt)
+
+
+def setting_title(lambda_: float, psi: float, components: int, thesis: tuple[float, float]) -> str:
+    """A setting of the sliders in symbols, marked when its lambda and psi are the thesis'."""
+    title = f"λ = {power_of_ten(lambda_)}, ψ = {psi:g}, {_counted(components)}"
+    own = (lambda_, psi) == thesis and components in (1, 3)
+    return title + (" (the thesis' setting)" if own else "")
+
+
+def setting_words(lambda_: float, psi: float, components: int) -> str:
+    """A setting of the sliders in words, for those who hear a picture."""
+    return f"lambda = {lambda_:.0e}, psi = {psi:g}, {_counted(components)}"
+
+
+def _counted(components: int) -> str:
+    return f"{components} component{'s' if components > 1 else ''}"
 
 
 def power_of_ten(value: float) -> str:
@@ -147,6 +231,5 @@ def small_png(figure: Figure, colours: int = 64) -> bytes:
 
 def image_html(png: bytes, alt: str) -> str:
     """An <img> element that carries its picture and its description."""
-    text = alt.replace("&", "&amp;").replace('"', "&quot;").replace("<", "&lt;")
     source = f"data:image/png;base64,{b64encode(png).decode()}"
-    return f'<img alt="{text}" style="max-width: 100%" src="{source}">'
+    return f'<img alt="{escape(alt)}" style="max-width: 100%" src="{source}">'

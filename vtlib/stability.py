@@ -69,7 +69,7 @@ def _td_gradients(
     values, pullback = q.vjp(weights, q.prepare(pairs))
     now, after = torch.zeros_like(values), torch.zeros_like(values)
     now[..., 0].scatter_(2, batch.action.view(-1, 1, 1), 1.0)
-    alive = gamma * ~batch.terminal
+    alive = gamma * ~batch.terminated
     after[..., 1] = torch.softmax(kappa * values[..., 1], 2) * alive.view(-1, 1, 1)
     at_state, at_next = (pullback(x).view(runs, size, -1) for x in (now, after))
     return at_next - at_state, psi * at_next - at_state

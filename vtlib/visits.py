@@ -1,10 +1,14 @@
-"""Where an agent went in the lower of two rooms: measures of reach, gathering and coverage."""
+"""Where an agent went in the lower of two rooms: measures of reach, gathering and coverage.
+
+Visited positions have shape (R, T, 2), those of R runs at T times.
+"""
 
 from __future__ import annotations
 
 import numpy as np
+from scipy.special import entr
 
-from vtlib.envs.rooms import GOAL, GOAL_RADIUS, SIDE
+from vtlib.envs.rooms.tasks import GOAL, GOAL_RADIUS, SIDE
 
 WALL = SIDE / 2  # height of the one wall of two rooms
 CELLS = (int(SIDE), int(WALL))  # unit cells of the lower room, across and up
@@ -12,19 +16,15 @@ NEAR_DOOR = 2.0  # a visit within this distance of the door's centre is a visit 
 
 
 def arrivals(visited: np.ndarray) -> np.ndarray:
-    """How often each run (R,) arrived at the goal, from visited positions (R, T, 2)."""
-    offset = visited - np.array(GOAL, dtype=visited.dtype)
-    counts: np.ndarray = (np.square(offset).sum(-1) <= GOAL_RADIUS**2).sum(1)
-    return counts
+    """How often each run (R,) arrived at the goal."""
+    return np.asarray(_near(visited, GOAL, GOAL_RADIUS).sum(1))
 
 
 def share_at_door(visited: np.ndarray, door: float) -> np.ndarray:
-    """Share (R,) of the visits to the lower room that lie at the door."""
+    """Share (R,) of the visits to the lower room that lie at the door; 0 without such a visit."""
     below = visited[..., 1] < WALL
-    offset = visited - np.array([door, WALL], dtype=visited.dtype)
-    near = np.square(offset).sum(-1) <= NEAR_DOOR**2
-    share: np.ndarray = (near & below).sum(1) / np.maximum(below.sum(1), 1)
-    return share
+    near = _near(visited, (door, WALL), NEAR_DOOR) & below
+    return np.asarray(near.sum(1) / np.maximum(below.sum(1), 1))
 
 
 def uniform_share_at_door() -> float:
@@ -32,29 +32,22 @@ def uniform_share_at_door() -> float:
     return float(np.pi * NEAR_DOOR**2 / 2 / (SIDE * WALL))
 
 
-def cell_counts(visited: np.ndarray) -> np.ndarray:
-    """Visits (R, 10, 5) to each unit cell of the lower room."""
-    across, up = (np.floor(visited[..., i]).astype(int).clip(0, int(SIDE) - 1) for i in (0, 1))
-    counts = np.zeros((len(visited), *CELLS), dtype=np.int64)
-    run = np.broadcast_to(np.arange(len(visited))[:, None], across.shape)
-    below = visited[..., 1] < WALL
-    np.add.at(counts, (run[below], across[below], up[below]), 1)
-    return counts
+def coverage(visited: np.ndarray) -> dict[str, np.ndarray]:
+    """How many (R,) of the lower room's 50 unit cells were visited, in two ways.
 
-
-def cells_visited(visited: np.ndarray) -> np.ndarray:
-    """How many (R,) of the lower room's 50 unit cells were visited at least once."""
-    cells: np.ndarray = (cell_counts(visited) > 0).sum((1, 2))
-    return cells
-
-
-def effective_cells(visited: np.ndarray) -> np.ndarray:
-    """Exponential (R,) of the entropy of the visits over the lower room's unit cells.
-
-    As many cells, visited equally often, would have the same entropy. Without a visit it is 1.
+    The effective cells are the exponential of the visits' entropy over the cells, which as many
+    cells, visited equally often, would have. Without a visit it is 1.
     """
-    counts = cell_counts(visited).reshape(len(visited), -1)
+    edges = [np.arange(count + 1) for count in CELLS]
+    lower = [run[run[:, 1] < WALL] for run in visited]
+    counts = np.stack([np.histogramdd(run, edges)[0].ravel() for run in lower])
     share = counts / np.maximum(counts.sum(1, keepdims=True), 1)
-    logarithm = np.log(share, out=np.zeros_like(share), where=share > 0)
-    cells: np.ndarray = np.exp(-(share * logarithm).sum(1))
-    return cells
+    return {
+        "cells visited": np.asarray((counts > 0).sum(1)),
+        "effective cells": np.exp(entr(share).sum(1)),
+    }
+
+
+def _near(visited: np.ndarray, place: tuple[float, float], distance: float) -> np.ndarray:
+    offset = visited - np.array(place, dtype=visited.dtype)
+    return np.asarray(np.square(offset).sum(-1) <= distance**2)

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
 
 import ipywidgets as ui
 import numpy as np
+from attrs import evolve, frozen
+from xarray import Dataset
 
+from vtlib import plots
 from vtlib.experiments.experiment import COMPONENTS, PSIS, Experiment, slider_lambdas
-from vtlib.experiments.figures import limits_of
-from vtlib.experiments.runs import run_batch
+from vtlib.experiments.run import run_batch
 from vtlib.plots import Curve, image_html, learning_figure, look, power_of_ten, small_png
 from vtlib.transfer import Settings
 
@@ -19,7 +20,7 @@ NEW = "#000000"  # of the new curve, solid beside the dashed optimum
 FULL = ui.Layout(width="100%")
 
 
-@dataclass(frozen=True)
+@frozen
 class Axis:
     """One slider: typeset label, spoken name, values with their texts, and where it starts."""
 
@@ -37,26 +38,16 @@ def parameter_axes(
 ) -> list[Axis]:
     """Sliders over the stored grid around the thesis' setting, which they start at.
 
-    lambdas, psis, components: those of the grid; lambdas are ``slider_lambdas`` by default. Raises
-    ValueError when the setting is not on the grid.
+    lambdas are ``slider_lambdas`` by default. ValueError when the setting is not on the grid.
     """
     lambdas = lambdas or slider_lambdas(base)
     for name, grid in (("lambda_", lambdas), ("psi", psis)):
         if getattr(base, name) not in grid:
             raise ValueError(f"{name} must be one of {tuple(grid)}, got {getattr(base, name)}")
+    powers, shares = [(power_of_ten(x), x) for x in lambdas], [(f"{x:g}", x) for x in psis]
     return [
-        Axis(
-            r"\(\lambda\)",
-            "lambda, weight of the KL term",
-            [(power_of_ten(x), x) for x in lambdas],
-            lambdas.index(base.lambda_),
-        ),
-        Axis(
-            r"\(\psi\)",
-            "psi, share of the full gradient",
-            [(f"{x:g}", x) for x in psis],
-            psis.index(base.psi),
-        ),
+        Axis(r"\(\lambda\)", "lambda, weight of the KL term", powers, lambdas.index(base.lambda_)),
+        Axis(r"\(\psi\)", "psi, share of the full gradient", shares, psis.index(base.psi)),
         Axis(r"\(C\)", "C, number of components", [(str(x), x) for x in components], 0),
     ]
 
@@ -101,9 +92,10 @@ def _slider(axis: Axis) -> ui.SelectionSlider:
 class LivePanel:
     """Train with chosen parameters and draw the new curve over stored ones, in JupyterLab.
 
-    base is the setting of the thesis, whose other parameters are kept.
-    ``widget`` is what to display. ``run`` starts the training in a thread of its own and ``stop``
-    ends it at the next evaluation; what was learned until then is drawn.
+    base is the setting of the thesis, whose other parameters are kept; weights (count, d) are those
+    of the experiment's pool; stored are returns by algorithm. ``widget`` is what to display.
+    ``run`` starts the training in a thread of its own and ``stop`` ends it at the next evaluation;
+    what was learned until then is drawn.
     """
 
     def __init__(
@@ -111,21 +103,16 @@ class LivePanel:
         experiment: Experiment,
         base: Settings,
         weights: np.ndarray,
-        stored: dict[str, list[Curve]],
-        optimum: float,
+        stored: Mapping[str, Dataset],
         runs: int = 5,
         iterations: int = 3_000,
     ) -> None:
         self._experiment, self._base, self._weights = experiment, base, weights
-        self._stored, self._optimum = stored, optimum
+        self._stored, self._optimum = plots.panels(stored), plots.mean_optimum(stored)
         self._axes = [_slider(axis) for axis in parameter_axes(base)]
-        self._runs = ui.BoundedIntText(runs, min=2, max=experiment.runs, description="runs")
-        self._sources = ui.BoundedIntText(
-            experiment.sources, min=1, max=experiment.sources, description="sources"
-        )
-        self._iterations = ui.BoundedIntText(
-            iterations, min=200, max=experiment.iterations, step=100, description="iterations"
-        )
+        self._runs = _number("runs", 2, runs, experiment.runs)
+        self._sources = _number("sources", 1, experiment.sources, experiment.sources)
+        self._iterations = _number("iterations", 200, iterations, experiment.iterations)
         self._run = ui.Button(description="Run", button_style="primary")
         self._stop = ui.Button(description="Stop", disabled=True)
         self._bar = ui.IntProgress(0, 0, iterations, description="progress")
@@ -137,10 +124,10 @@ class LivePanel:
         self._stop.on_click(lambda _: self.stop())
         numbers = ui.HBox([self._runs, self._sources, self._iterations, self._run, self._stop])
         self.widget = ui.VBox([*self._axes, numbers, self._bar, self._says, self._picture])
-        self._draw([])
+        self._draw()
 
     def run(self) -> None:
-        """Start training with the panel's values."""
+        """Start training with the panel's values, unless it is training."""
         if self._thread is not None and self._thread.is_alive():
             return
         self._halt.clear()
@@ -158,31 +145,20 @@ class LivePanel:
         if self._thread is not None:
             self._thread.join()
 
-    @property
-    def message(self) -> str:
-        """What the panel says of the last training."""
-        return str(self._says.value)
-
     def _train(self) -> None:
-        lambda_, psi, components = (slider.value for slider in self._axes)
         try:
-            settings = replace(self._base, lambda_=lambda_, psi=psi, components=int(components))
-            live = replace(
+            lambda_, psi, components = (slider.value for slider in self._axes)
+            settings = evolve(self._base, lambda_=lambda_, psi=psi, components=int(components))
+            live = evolve(
                 self._experiment,
                 algorithms={"live": settings},
                 counts={"live": self._sources.value},
                 iterations=self._iterations.value,
             )
-            curves = run_batch(live, "live", range(self._runs.value), self._weights, self._progress)
-            label = f"{settings.components}-MGVT, just now"
-            self._draw(
-                [
-                    Curve(label, curves["iterations"], curves[kind], NEW)
-                    for kind in ("learning", "greedy")
-                ]
-            )
-            done = int(curves["iterations"][-1])
-            self._says.value = f"{'stopped' if self._halt.is_set() else 'done'} at {done:,}"
+            arrays = run_batch(live, "live", range(self._runs.value), self._weights, self._progress)
+            label, at = f"{settings.components}-MGVT, just now", arrays["iterations"]
+            self._draw([Curve(label, at, arrays[kind], NEW) for kind in plots.KINDS.values()])
+            self._says.value = f"{'stopped' if self._halt.is_set() else 'done'} at {at[-1]:,}"
         except Exception as error:  # nobody else would see it: this is a thread of its own
             self._says.value = str(error)
         finally:
@@ -192,13 +168,16 @@ class LivePanel:
         self._bar.value = iteration
         return not self._halt.is_set()
 
-    def _draw(self, new: Sequence[Curve]) -> None:
-        panels = {
-            name: [*curves, *new[i : i + 1]]
-            for i, (name, curves) in enumerate(self._stored.items())
-        }
-        limits = limits_of(self._experiment)
+    def _draw(self, new: Sequence[Curve] = ()) -> None:
+        """Draw the stored curves, and a new one in each panel."""
+        stored = self._stored.items()
+        panels = {title: [*old, *new[i : i + 1]] for i, (title, old) in enumerate(stored)}
         with look():
+            limits = self._experiment.family.limits
             picture = small_png(learning_figure(panels, self._optimum, limits))
         labels = ", ".join(one.label for one in next(iter(panels.values())))
         self._picture.value = image_html(picture, f"Learning and greedy return of {labels}.")
+
+
+def _number(name: str, least: int, value: int, most: int) -> ui.BoundedIntText:
+    return ui.BoundedIntText(value, min=least, max=most, description=name)

@@ -2,61 +2,35 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import NamedTuple
-
 import numpy as np
-from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
-from vtlib.illustrations.palette import BLUE, GREEN, GREY, ORANGE, picture_html
-from vtlib.plots import BookFigure, look
+from vtlib.illustrations.elbo import kl, log_posterior
+from vtlib.illustrations.picture import BLUE, GREEN, GREY, ORANGE, picture
 
-
-class Thresholds(NamedTuple):
-    """Hypotheses: 1 where x is at least h (M,), with log prior probabilities (M,).
-
-    Labels follow the threshold ``target`` and are flipped with probability ``flip``.
-    """
-
-    h: np.ndarray
-    log_prior: np.ndarray
-    target: float
-    flip: float
+H = np.linspace(0, 1, 401)  # hypothesis h calls x in [0, 1] positive where x >= h
+LOG_PRIOR = -0.5 * ((H - 0.35) / 0.15) ** 2
+LOG_PRIOR -= np.logaddexp.reduce(LOG_PRIOR)
+TARGET, FLIP = 0.6, 0.1  # labels follow this threshold, and are flipped with this probability
+DELTA = 0.05  # of Theorem 2.4
+SIZES = (5, 7, 10, 14, 20, 28, 40, 57, 80, 113, 160, 226, 320, 453, 640, 1280, 2560)
 
 
-def thresholds(count: int = 401) -> Thresholds:
-    """Evenly spaced thresholds on [0, 1] with a prior around 0.35, while the target is 0.6."""
-    h = np.linspace(0, 1, count)
-    log_prior = -0.5 * ((h - 0.35) / 0.15) ** 2
-    return Thresholds(h, log_prior - np.log(np.exp(log_prior).sum()), target=0.6, flip=0.1)
-
-
-def draw_losses(problem: Thresholds, count: int, rng: np.random.Generator) -> np.ndarray:
-    """Zero-one losses (count, M) of every hypothesis on independent samples, as in eq. 2.21."""
+def draw_losses(count: int, rng: np.random.Generator) -> np.ndarray:
+    """Zero-one losses (count, M) of the hypotheses H on independent samples, as in eq. 2.21."""
     x = rng.random(count)
-    y = (x >= problem.target) ^ (rng.random(count) < problem.flip)
-    wrong: np.ndarray = (x[:, None] >= problem.h) != y[:, None]
-    return wrong.astype(np.float64)
+    y = (x >= TARGET) ^ (rng.random(count) < FLIP)
+    return np.asarray((x[:, None] >= H) != y[:, None]).astype(np.float64)
 
 
-def true_risk(problem: Thresholds) -> np.ndarray:
-    """Generalisation error (M,) of every hypothesis, eq. 2.22 in closed form."""
-    risk: np.ndarray = problem.flip + (1 - 2 * problem.flip) * np.abs(problem.h - problem.target)
-    return risk
+def true_risk() -> np.ndarray:
+    """Generalisation error (M,) of the hypotheses H, eq. 2.22 in closed form."""
+    return np.asarray(FLIP + (1 - 2 * FLIP) * np.abs(H - TARGET))
 
 
-def gibbs_posterior(log_prior: np.ndarray, risk: np.ndarray, weight: float) -> np.ndarray:
-    """Gibbs posterior probabilities (M,), eq. 2.23, from log prior and risk (M,), Lambda weight."""
-    exponent = log_prior - weight * risk
-    unnormalised = np.exp(exponent - exponent.max())
-    probabilities: np.ndarray = unnormalised / unnormalised.sum()
-    return probabilities
-
-
-def kl(q: np.ndarray, p: np.ndarray) -> float:
-    """KL(q || p) of probabilities (M,), eq. 2.17, with 0 log 0 = 0."""
-    some = q > 0
-    return float((q[some] * np.log(q[some] / p[some])).sum())
+def gibbs_posterior(risk: np.ndarray, weight: float) -> np.ndarray:
+    """Log probabilities (M,) of eq. 2.23, from the risk (M,), with Lambda = weight."""
+    return log_posterior(LOG_PRIOR, -weight * risk)
 
 
 def catoni_bound(risk: float, divergence: float, count: int, beta: float, delta: float) -> float:
@@ -65,101 +39,46 @@ def catoni_bound(risk: float, divergence: float, count: int, beta: float, delta:
     return float(np.expm1(-exponent) / np.expm1(-beta))
 
 
-class Outcome(NamedTuple):
-    """A Gibbs posterior (M,), its empirical and true mean risk, and Theorem 2.4's bound."""
-
-    posterior: np.ndarray
-    empirical: float
-    true: float
-    bound: float
-
-
-def outcome(problem: Thresholds, losses: np.ndarray, lambda_: float, delta: float) -> Outcome:
-    """What N losses (N, M) lead to by eq. 2.23 with Lambda = N / lambda, so beta = 1 / lambda."""
-    count, risk = len(losses), losses.mean(0)
-    q = gibbs_posterior(problem.log_prior, risk, count / lambda_)
-    empirical = float(q @ risk)
-    bound = catoni_bound(empirical, kl(q, np.exp(problem.log_prior)), count, 1 / lambda_, delta)
-    return Outcome(q, empirical, float(q @ true_risk(problem)), bound)
+def risks(losses: np.ndarray, lambda_: float) -> tuple[float, float, float]:
+    """Empirical and true risk of the Gibbs posterior of losses (N, M), and Theorem 2.4's bound."""
+    log_q = gibbs_posterior(losses.mean(0), len(losses) / lambda_)
+    empirical, true = (float(np.exp(log_q) @ risk) for risk in (losses.mean(0), true_risk()))
+    divergence = float(kl(log_q, LOG_PRIOR))
+    return empirical, true, catoni_bound(empirical, divergence, len(losses), 1 / lambda_, DELTA)
 
 
-def failures(
-    problem: Thresholds,
-    count: int,
-    lambda_: float,
-    delta: float,
-    rng: np.random.Generator,
-    sets: int = 1000,
-) -> np.ndarray:
-    """Whether Theorem 2.4's bound fails (sets,), for fresh sets of count samples each."""
-    drawn = (draw_losses(problem, count, rng) for _ in range(sets))
-    judged = (outcome(problem, losses, lambda_, delta) for losses in drawn)
-    return np.array([one.true > one.bound for one in judged])
-
-
-def gibbs_picture(
-    problem: Thresholds,
-    losses: np.ndarray,
-    sizes: Sequence[int],
-    count: int,
-    lambda_: float,
-    delta: float,
-) -> str:
-    """The Gibbs posterior of the first losses (N, M), and risks and bound along N, as HTML."""
-    here = outcome(problem, losses[:count], lambda_, delta)
-    with look():
-        figure = BookFigure(figsize=(6.0, 3.5))
-        grid = figure.add_gridspec(2, 2)
-        above, below = figure.add_subplot(grid[0, 0]), figure.add_subplot(grid[1, 0])
-        _draw_risks(above, problem, losses[:count])
-        _draw_posterior(below, problem, here.posterior)
-        _draw_bound(figure.add_subplot(grid[:, 1]), problem, losses, sizes, count, lambda_, delta)
-    q = here.posterior
-    mean = q @ problem.h
-    deviation = np.sqrt(max(q @ problem.h**2 - mean**2, 0))
-    return picture_html(
-        figure,
-        f"Gibbs posterior with N = {count} and lambda = {lambda_:g}: mean threshold {mean:.2f}, "
-        f"deviation {deviation:.3f}; empirical risk {here.empirical:.2f}, true risk "
-        f"{here.true:.2f}, bound {here.bound:.2f}.",
+@picture(6.0, 3.5)
+def gibbs_picture(figure: Figure, losses: np.ndarray, count: int, lambda_: float) -> str:
+    """The Gibbs posterior of the first count of losses (N, M), and risks and bound along N."""
+    risk = losses[:count].mean(0)
+    q = np.exp(gibbs_posterior(risk, count / lambda_))
+    above, right, below = figure.subplot_mosaic([["above", "right"], ["below", "right"]]).values()
+    above.plot(H, risk, color=ORANGE, label="empirical risk")
+    above.plot(H, true_risk(), color=GREEN, ls="--", label="true risk")
+    above.set(xlim=(0, 1), ylim=(0, 0.85), ylabel="risk")
+    above.tick_params(labelbottom=False)
+    # On a logarithmic axis, where eq. 2.23 is a sum, only the floor can be drawn of a zero.
+    density = len(H) * q + 1e-9
+    below.plot(H, len(H) * np.exp(LOG_PRIOR), ":", color=GREY, label="prior")
+    below.fill_between(H, 1e-9, density, color=BLUE, alpha=0.25, lw=0)
+    below.plot(H, density, color=BLUE, label="Gibbs posterior")
+    below.set(xlim=(0, 1), yscale="log", ylim=(1e-3, 900))
+    below.set(xlabel="threshold $h$", ylabel="density")
+    empirical, true, bound = np.array([risks(losses[:n], lambda_) for n in SIZES]).T
+    right.plot(SIZES, bound, color=BLUE, label="Catoni's bound")
+    right.plot(SIZES, true, color=GREEN, ls="--", label="true risk")
+    right.plot(SIZES, empirical, color=ORANGE, label="empirical risk")
+    right.axvline(count, ymax=0.75, color=GREY, lw=1, ls=":")
+    here = risks(losses[:count], lambda_)
+    # A bound above 1 says nothing, and its dot would lie far above the axes.
+    for y in filter(lambda y: y <= 1, here):
+        right.plot(count, y, "k.", ms=7, clip_on=False)
+    right.set(xscale="log", xlim=(SIZES[0], SIZES[-1]), ylim=(0, 1))
+    right.set(xlabel="samples $N$", ylabel=r"mean under $q^*$")
+    above.legend(loc="upper right")
+    below.legend(loc="upper left")
+    right.legend(loc="upper right")
+    return (
+        f"Gibbs posterior with N = {count} and lambda = {lambda_:g}: mean threshold {q @ H:.2f}; "
+        f"empirical risk {here[0]:.2f}, true risk {here[1]:.2f}, bound {here[2]:.2f}."
     )
-
-
-def _draw_risks(ax: Axes, problem: Thresholds, losses: np.ndarray) -> None:
-    ax.plot(problem.h, losses.mean(0), color=ORANGE, lw=1.2, label="empirical risk")
-    ax.plot(problem.h, true_risk(problem), color=GREEN, ls="--", lw=1.4, label="true risk")
-    ax.set(xlim=(0, 1), ylim=(0, 0.85), ylabel="risk")
-    ax.tick_params(labelbottom=False)
-    ax.legend(loc="upper right", fontsize=8)
-
-
-def _draw_posterior(ax: Axes, problem: Thresholds, posterior: np.ndarray) -> None:
-    """Densities on a logarithmic axis, where eq. 2.23 is a sum."""
-    density = len(problem.h)
-    prior = np.exp(problem.log_prior)
-    ax.plot(problem.h, density * prior, ":", color=GREY, label="prior")
-    ax.fill_between(problem.h, 1e-9, density * posterior + 1e-9, color=BLUE, alpha=0.25, lw=0)
-    ax.plot(problem.h, density * posterior + 1e-9, color=BLUE, lw=1.4, label="Gibbs posterior")
-    ax.set(xlim=(0, 1), yscale="log", ylim=(1e-3, 900), xlabel="threshold $h$", ylabel="density")
-    ax.legend(loc="upper left", fontsize=8)
-
-
-def _draw_bound(
-    ax: Axes,
-    problem: Thresholds,
-    losses: np.ndarray,
-    sizes: Sequence[int],
-    count: int,
-    lambda_: float,
-    delta: float,
-) -> None:
-    along = [outcome(problem, losses[:n], lambda_, delta) for n in sizes]
-    ax.plot(sizes, [one.bound for one in along], color=BLUE, label="Catoni's bound")
-    ax.plot(sizes, [one.true for one in along], color=GREEN, ls="--", label="true risk")
-    ax.plot(sizes, [one.empirical for one in along], color=ORANGE, lw=1.2, label="empirical risk")
-    ax.axvline(count, ymax=0.8, color=GREY, lw=1, ls=":")
-    here = outcome(problem, losses[:count], lambda_, delta)
-    ax.plot([count] * 3, here[1:], "k.", ms=7, clip_on=False)
-    ax.set(xscale="log", xlim=(sizes[0], sizes[-1]), ylim=(0, 1), xlabel="samples $N$")
-    ax.set_ylabel(r"mean under $q^*$")
-    ax.legend(loc="upper right", fontsize=8)
