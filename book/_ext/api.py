@@ -34,8 +34,9 @@ def matching(patterns: str) -> list[str]:
 
 
 def section(name: str) -> str:
-    """Markdown of one module's section."""
-    directive = f"```{{eval-rst}}\n.. automodule:: {name}\n   :members:\n```\n"
+    """Markdown of one module's section: what it defines, not what it passes on."""
+    options = "   :members:\n   :ignore-module-all:\n"
+    directive = f"```{{eval-rst}}\n.. automodule:: {name}\n{options}```\n"
     return f"## {name.removeprefix('vtlib.')}\n\n{directive}"
 
 

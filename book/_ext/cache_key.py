@@ -20,10 +20,9 @@ def dependencies(root: Path) -> Iterator[Path]:
     """Files that decide a page's outputs beside its own cells, in a fixed order."""
     yield root / "requirements.txt"
     results = Path(os.environ.get("VTLIB_RESULTS", root / "book" / "results"))
-    for folder, pattern in ((root / "vtlib", "*.py"), (results, "*")):
-        for path in sorted(folder.rglob(pattern)):
-            if path.is_file() and not IGNORED.intersection(path.parts):
-                yield path
+    for path in sorted([*(root / "vtlib").rglob("*"), *results.rglob("*")]):
+        if path.is_file() and not IGNORED.intersection(path.parts):
+            yield path
 
 
 def cache_key(root: Path = ROOT) -> str:

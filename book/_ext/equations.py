@@ -6,6 +6,7 @@ equations, and the reference of the library beside the functions.
 
 from __future__ import annotations
 
+import pkgutil
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -24,37 +25,37 @@ EQUATIONS = {
     "eq-2-3": ("illustrations.bellman.optimal_values",),
     "eq-2-4": ("illustrations.bellman.policy_values",),
     "eq-2-5": ("illustrations.bellman.policy_operator",),
-    "eq-2-6": ("planning.Plan.value",),
-    "eq-2-7": ("planning.Plan.greedy",),
+    "eq-2-6": ("envs.planning.GridPlan.value",),
+    "eq-2-7": ("envs.planning.GridPlan.greedy",),
     "eq-2-8": ("illustrations.bellman.optimal_values",),
     "eq-2-9": ("illustrations.bellman.optimal_operator",),
     "eq-2-11": ("illustrations.bellman.sup_distance", "illustrations.bellman.applications_until"),
     "eq-2-12": ("qfunctions.RBFLinear.q", "qfunctions.MLP.q"),
     "eq-2-13": ("illustrations.td_bias.squared_bellman_error",),
     "eq-2-14": ("illustrations.td_bias.squared_td_error",),
-    "eq-2-15": ("mellow.td_error", "illustrations.td_bias.td_errors"),
+    "eq-2-15": ("td.td_error", "illustrations.td_bias.td_errors"),
     "eq-2-16": ("illustrations.elbo.log_posterior",),
-    "eq-2-17": ("gaussian.kl", "illustrations.elbo.kl", "illustrations.gibbs.kl"),
+    "eq-2-17": ("priors.kl", "illustrations.elbo.kl"),
     "eq-2-19": ("illustrations.elbo.elbo",),
     "eq-2-20": ("illustrations.elbo.best_gaussian",),
     "eq-2-21": ("illustrations.gibbs.draw_losses",),
     "eq-2-22": ("illustrations.gibbs.true_risk",),
     "eq-2-23": ("illustrations.gibbs.gibbs_posterior",),
     "eq-5-1": ("illustrations.collapse.gibbs",),
-    "eq-5-2": ("transfer.VariationalTransfer.learn",),
-    "eq-5-3": ("mellow.mellowmax",),
-    "eq-5-4": ("mellow.td_cotangent", "transfer.td_gradients"),
-    "eq-5-5": ("gaussian.sources_mean_and_spread",),
-    "eq-5-6": ("gaussian.sources_mean_and_spread", "gaussian.covariance_factor"),
-    "eq-5-7": ("gaussian.kl", "mixture.pairwise_kl"),
-    "eq-5-8": ("gaussian.kl_gradients",),
-    "eq-5-9": ("gaussian.kl_gradients",),
+    "eq-5-2": ("transfer.VariationalTransfer.learn", "algorithm1.algorithm1"),
+    "eq-5-3": ("td.mellowmax",),
+    "eq-5-4": ("td.td_cotangent", "td.td_gradients"),
+    "eq-5-5": ("priors.sources_mean_and_spread",),
+    "eq-5-6": ("priors.sources_mean_and_spread", "priors.covariance_factor"),
+    "eq-5-7": ("priors.kl", "priors.pairwise_kl"),
+    "eq-5-8": ("priors.GaussianPrior.pull",),
+    "eq-5-9": ("posteriors.dense.Dense",),
     "eq-5-10": ("transfer.VariationalTransfer.learn",),
-    "eq-5-11": ("factor.CholeskyFactors.step", "factor_deferred.DeferredFactors.step"),
-    "eq-5-12": ("mixture.kl_bound",),
-    "eq-5-13": ("mixture.kl_bound",),
-    "eq-5-14": ("mixture.responsibilities",),
-    "eq-5-15": ("mixture.responsibilities",),
+    "eq-5-11": ("posteriors.dense.Dense",),
+    "eq-5-12": ("priors.kl_bound",),
+    "eq-5-13": ("priors.kl_bound",),
+    "eq-5-14": ("priors.responsibilities",),
+    "eq-5-15": ("priors.responsibilities",),
 }
 LABELLED = re.compile(r"^ *\$\$\n([^$]*)\n *\$\$ \((eq-\d-\d+)\)", re.MULTILINE)
 
@@ -93,7 +94,18 @@ def target(objects: dict[str, Any], text: str) -> str | None:
     if name.startswith("Settings."):
         name = "Settings"
     candidates = (name, f"vtlib.{name}", f"vtlib.transfer.{name}")
-    return next((x for x in candidates if x.startswith("vtlib.") and x in objects), None)
+    homes = (home(x) for x in candidates if re.fullmatch(r"vtlib(\.\w+)+", x))
+    return next((x for x in homes if x in objects), None)
+
+
+def home(name: str) -> str:
+    """The name under which a thing is documented: where it is defined, not passed on."""
+    try:
+        found = pkgutil.resolve_name(name)
+    except (AttributeError, ImportError):
+        return name
+    defined = getattr(found, "__module__", None), getattr(found, "__qualname__", None)
+    return ".".join(defined) if all(isinstance(x, str) for x in defined) else name
 
 
 def bare_literals(doctree: nodes.document) -> Iterator[nodes.literal]:
