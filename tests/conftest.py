@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
+import ast
 import contextlib
 import functools
 import http.server
+import importlib
 import os
 import re
 import shutil
 import subprocess
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from types import ModuleType, SimpleNamespace
 from typing import Any
 
 import pytest
+
+from vtlib import widgets
 
 ROOT = Path(__file__).resolve().parents[1]
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
@@ -28,6 +33,7 @@ BROWSER_ARGUMENTS = (
 # Set to a folder of built pages to test those instead of building the book.
 BUILT = "VTLIB_BOOK_HTML"
 BUILD_LIMIT = 1800  # seconds
+CELL = re.compile(r"```\{code-cell\} python3\n(?:---\n(.*?)\n---\n)?(.*?)```", re.DOTALL)
 
 _build: list[tuple[subprocess.Popen, Path]] = []
 
@@ -66,6 +72,43 @@ def faults_in(log: str) -> list[str]:
     """Lines of a build's log that name a page and what is wrong with it, without colours."""
     plain = re.sub(r"\x1b\[[0-9;]*m", "", log)
     return [line for line in plain.splitlines() if re.search(r"\b(WARNING|ERROR|Error):", line)]
+
+
+@pytest.fixture(scope="session")
+def cells_of() -> Callable[[str], dict[str, Any]]:
+    """The names of a page after its cells were run, and its figures by theirs.
+
+    A moving figure is a pair of its axes and its picture. Numbers for the text go nowhere.
+    """
+    return functools.cache(run_cells)
+
+
+def run_cells(name: str) -> dict[str, Any]:
+    """Run the code cells of a page, which ask for little of the book's tools."""
+    with pytest.MonkeyPatch.context() as patch:
+        # only for as long as they run: other tests need the package itself
+        patch.setitem(sys.modules, "myst_nb", SimpleNamespace(glue=lambda *_, **__: None))
+        patch.setattr(widgets, "still_sliders", lambda axes, picture: (axes, picture))
+        return _run_cells(name)
+
+
+def _run_cells(name: str) -> dict[str, Any]:
+    names: dict[str, Any] = {}
+    for head, source in CELL.findall((ROOT / "book" / f"{name}.md").read_text(encoding="utf-8")):
+        code = ast.parse(re.sub(r"^:.*\n", "", source, flags=re.MULTILINE))
+        figure = re.search(r"^    name: (\S+)$", head, re.MULTILINE)
+        shown = code.body.pop() if figure else None
+        exec(compile(code, name, "exec"), names)
+        if isinstance(shown, ast.Expr):
+            names[figure[1]] = eval(compile(ast.Expression(shown.value), name, "eval"), names)
+    return names
+
+
+@pytest.fixture
+def extension(monkeypatch: pytest.MonkeyPatch) -> Callable[[str], ModuleType]:
+    """Import a module of book/_ext, which is no package, for one test."""
+    monkeypatch.syspath_prepend(str(ROOT / "book" / "_ext"))
+    return importlib.import_module
 
 
 @pytest.fixture(scope="session")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import base64
 import hashlib
-import importlib
 import io
 import tarfile
 from collections.abc import Callable
@@ -14,26 +13,11 @@ from types import ModuleType
 
 import pytest
 
-EXTENSIONS = Path(__file__).resolve().parents[1] / "book" / "_ext"
-
-
-@pytest.fixture
-def extension(monkeypatch: pytest.MonkeyPatch) -> Callable[[str], ModuleType]:
-    """Import a module of book/_ext, which is no package, for one test."""
-    monkeypatch.syspath_prepend(str(EXTENSIONS))
-    return importlib.import_module
-
 
 @pytest.fixture
 def assets(extension: Callable[[str], ModuleType]) -> ModuleType:
     """The fetcher of the browser scripts."""
     return extension("fetch_assets")
-
-
-@pytest.fixture
-def cache_key(extension: Callable[[str], ModuleType]) -> Callable[[Path], str]:
-    """The key of the execution cache, as a function of the project's root."""
-    return extension("cache_key").cache_key
 
 
 @pytest.fixture
@@ -87,30 +71,25 @@ def test_no_npm_and_no_network_is_one_clear_error(
     assert not assets.present(tmp_path / "vendor")
 
 
-@pytest.fixture
-def project(tmp_path: Path) -> Path:
-    """A project with one file of each kind that pages depend on."""
-    for name in ("requirements.txt", "vtlib/a.py", "book/results/runs.csv", "README.md"):
-        path = tmp_path / name
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text("first")
-    return tmp_path
-
-
-@pytest.mark.parametrize("name", ["requirements.txt", "vtlib/a.py", "book/results/runs.csv"])
+@pytest.mark.parametrize(
+    ("name", "matters"),
+    [
+        ("requirements.txt", True),
+        ("vtlib/a.py", True),
+        ("vtlib/b.cpp", True),
+        ("book/results/runs.npz", True),
+        ("README.md", False),
+        ("vtlib/__pycache__/a.py", False),
+    ],
+)
 def test_the_cache_key_follows_what_pages_depend_on(
-    project: Path, cache_key: Callable[[Path], str], name: str
+    extension: Callable[[str], ModuleType], tmp_path: Path, name: str, matters: bool
 ) -> None:
-    before = cache_key(project)
-    (project / name).write_text("second")
-    assert cache_key(project) != before
-    (project / name).write_text("first")
-    assert cache_key(project) == before
-
-
-def test_the_cache_key_ignores_the_rest(project: Path, cache_key: Callable[[Path], str]) -> None:
-    before = cache_key(project)
-    (project / "README.md").write_text("second")
-    (project / "vtlib" / "__pycache__").mkdir()
-    (project / "vtlib" / "__pycache__" / "a.pyc").write_text("bytes")
-    assert cache_key(project) == before
+    cache_key, path = extension("cache_key").cache_key, tmp_path / name
+    path.parent.mkdir(parents=True, exist_ok=True)
+    keys = []
+    for text in ("first", "second", "first"):
+        path.write_text(text)
+        keys.append(cache_key(tmp_path))
+    assert keys[2] == keys[0]
+    assert (keys[1] != keys[0]) == matters

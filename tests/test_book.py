@@ -14,9 +14,10 @@ from urllib.parse import unquote, urldefrag, urlsplit
 import pytest
 from bs4 import BeautifulSoup
 
-from vtlib.experiments.control import CAR_LAMBDAS, CAR_MGVT, CARTPOLE_MGVT
+from vtlib.experiments.cartpole import CARTPOLE_MGVT
 from vtlib.experiments.experiment import COMPONENTS, PSIS, slider_lambdas
-from vtlib.experiments.mazes import MAZE_COMPONENTS, MAZE_LAMBDAS, MAZE_MGVT, MAZE_PSIS
+from vtlib.experiments.maze import MAZE_COMPONENTS, MAZE_LAMBDAS, MAZE_MGVT, MAZE_PSIS
+from vtlib.experiments.mountain_car import CAR_LAMBDAS, CAR_MGVT
 from vtlib.experiments.rooms import MGVT
 from vtlib.transfer import Settings
 
@@ -366,8 +367,8 @@ def test_the_formulas_of_the_method_move(book: Path, address: str, page) -> None
     ("figure", "lowest", "highest"),
     [
         ("fig-contraction", "gamma = 0.5.", "gamma = 0.99."),
-        ("fig-td-bias", "c = 0.", "c = 0.5."),
-        ("fig-elbo", "mean -1.9 and deviation 0.15 ", "mean 1.9 and deviation 0.9 "),
+        ("fig-td-bias", "c = 0:", "c = 0.5:"),
+        ("fig-elbo", "mean -1.9 and deviation 0.15:", "mean 1.9 and deviation 0.9:"),
         ("fig-gibbs", "N = 10 and lambda = 0.25:", "N = 2560 and lambda = 16:"),
     ],
 )

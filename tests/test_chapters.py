@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import importlib
 import pkgutil
 import re
-from collections.abc import Callable
 from pathlib import Path
-from types import ModuleType
 
 import pytest
 
@@ -69,13 +66,6 @@ BOXES = {
 def text_of(page: str) -> str:
     """A page's source."""
     return (BOOK / f"{page}.md").read_text(encoding="utf-8")
-
-
-@pytest.fixture
-def extension(monkeypatch: pytest.MonkeyPatch) -> Callable[[str], ModuleType]:
-    """Import a module of book/_ext, which is no package, for one test."""
-    monkeypatch.syspath_prepend(str(BOOK / "_ext"))
-    return importlib.import_module
 
 
 @pytest.mark.parametrize("page", CONTENTS)

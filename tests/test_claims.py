@@ -1,579 +1,231 @@
-"""Each claim on returns made so that its verdict is known."""
+"""Each rule of the claims just inside and just outside its bound, and the numbers that are told."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from html.parser import HTMLParser
+import re
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import pytest
+from xarray import Dataset
 
-from vtlib import visits
-from vtlib.claims import (
-    NOT,
-    PARTLY,
-    REPRODUCED,
-    Claim,
-    Returns,
-    arrives,
-    better_and_steadier,
-    covers_more,
-    earns_half,
-    ends_at_optimum,
-    falls_behind_on_unlikely,
-    falls_with,
-    gap_closes,
-    gathers_at_door,
-    in_task,
-    learns_faster,
-    little_jump_start,
-    moves_early,
-    never_arrives,
-    no_advantage,
-    no_better,
-    not_by,
-    only_beginning,
-    optimal_by,
-    optimal_for_all,
-    optimal_only_with,
-    solves_most,
-    starts_near_optimum,
-    table,
-    transfers_negatively,
-    verdict,
-    worse_and_wider,
-)
-from vtlib.experiments.exploration import visited
+from vtlib import claims
+from vtlib.claims import NOT, PARTLY, REPRODUCED, Claim, Runs
+from vtlib.experiments import judged
+from vtlib.stats import mean_interval, slope_interval
 
-ITERATIONS = np.array([1000, 2000, 3000])
-# Deviations of eight runs that leave the mean alone.
-WAVE = np.array([1, -1, 1, -1, 1, -1, 1, -1])
+# Deviations of eight runs that leave the mean alone, and half the width of their 95% interval.
+WAVE = np.array([1.0, -1, 1, -1, 1, -1, 1, -1])
+HALF = float(mean_interval(WAVE).high)
+DISTANCE = np.array([0.0, 0, 1, 1, 2, 2, 3, 3])  # along which the wave has no slope
+SLOPE = float(slope_interval(DISTANCE, WAVE).high)
+BY = 1_000  # the second of the recorded iterations, 500, 1,000 and 1,500
+# Nine tasks, the least likely ones among the others, and deviations without mean and slope.
+LIKELIHOOD = np.array([9.0, 4, 1, 8, 5, 2, 7, 6, 3])
+UNLIKELY = LIKELIHOOD <= 3
+BEND = np.array([1.0, 0, -1, -1, 1, 1, 0, -2, 1])[(10 - LIKELIHOOD).astype(int) - 1]
+BEND -= np.polyval(np.polyfit(LIKELIHOOD, BEND, 1), LIKELIHOOD)
+BEND_SLOPE = float(slope_interval(LIKELIHOOD, BEND).high)
+THIRD = float(mean_interval(np.array([1.0, 0, -1])).high)
 
 
 def returns(
-    means: Sequence[float],
-    spread: float = 0.01,
-    greedy: np.ndarray | None = None,
-    optimum: float = 0.8,
-) -> Returns:
-    """Eight runs whose learning returns have these means at three iterations."""
-    learning = np.asarray(means) + spread * WAVE[:, None]
-    return Returns(
-        ITERATIONS,
-        learning.astype(np.float32),
-        learning if greedy is None else greedy,
-        np.full(len(WAVE), optimum),
+    learning: Sequence[float],
+    greedy: Sequence[float] | None = None,
+    optimum: float = 1.0,
+    spread: float = 0.0,
+    name: str = "A",
+) -> Runs:
+    """Eight runs with these mean returns at 500, 1,000, ... iterations."""
+    curves = {"learning": learning, "greedy": learning if greedy is None else greedy}
+    data = {
+        kind: (("run", "iteration"), np.add.outer(spread * WAVE, means))
+        for kind, means in curves.items()
+    }
+    times = 500 * np.arange(1, len(learning) + 1)
+    return Runs(
+        name, Dataset({"optimum": ("run", np.full(8, optimum)), **data}, {"iteration": times})
     )
 
 
-def greedy_solving(shares: Sequence[float]) -> np.ndarray:
-    """Greedy returns (8, 3) that solve these shares of the tasks at three iterations."""
-    run = np.arange(len(WAVE))[:, None]
-    return np.where(run < np.round(np.asarray(shares) * len(WAVE)), 0.75, 0.1)
+def solving(count: int, later: int) -> Runs:
+    """Runs of which so many have solved their task at 1,000 iterations, and at the end."""
+    runs = returns([0, 0, 0])
+    runs.stored.greedy[:count, 1] = runs.stored.greedy[:later, 2] = 0.9
+    return runs
 
 
-def test_returns_are_looked_up_by_iteration():
-    runs = returns([0.1, 0.2, 0.3], spread=0, greedy=greedy_solving([0, 0.5, 1]))
-    np.testing.assert_allclose(runs.at(2000), 0.2, rtol=1e-6)
-    np.testing.assert_array_equal(runs.at(3000, "greedy"), 0.75)
-    assert [runs.solved(t) for t in ITERATIONS] == [0.0, 0.5, 1.0]
+def compared(
+    rule: Callable[..., Claim], gains: Sequence[float], spread: float, *rest: int
+) -> Claim:
+    """A claim of A and B, of which A earns so much more; its gains have the given wave."""
+    return rule(returns(gains, spread=spread), returns([0] * len(gains), name="B"), *rest)
 
 
-@pytest.mark.parametrize("iteration", [0, 1500, 4000, -1])
-def test_an_iteration_that_was_not_recorded(iteration):
-    runs = returns([0.1, 0.2, 0.3])
-    with pytest.raises(ValueError, match=f"iteration {iteration} was not recorded"):
-        runs.at(iteration)
-    with pytest.raises(ValueError, match="not recorded"):
-        optimal_by("MGVT", runs, iteration)
+def steadier(rule: Callable[..., Claim], gain: float, own: float, other: float) -> Claim:
+    return rule(returns([0, gain, 0], spread=own), returns([0, 0, 0], spread=other, name="B"), BY)
+
+
+def sloped(slope: float) -> Claim:
+    runs = returns([0, 0, 0], optimum=2.0)
+    runs.stored.learning[:, 1] = 2 * (slope * DISTANCE + WAVE)
+    return claims.falls_with(runs, DISTANCE, BY)
+
+
+def negative(learning: float, greedy: float) -> Claim:
+    a = returns([9, 9, learning], [9, 9, greedy], spread=1)
+    return claims.transfers_negatively(a, returns([0, 0, 0], name="B"))
+
+
+def jumped(lead: float) -> Claim:
+    return claims.little_jump_start(returns([lead], optimum=-50), returns([-50], name="B"))
+
+
+def only_with(own: float, other: float) -> Claim:
+    return claims.optimal_only_with("A", "B", {"easy": (1, 1), "hard": (own, other)})
+
+
+def unlikely(fallen: float, slope: float) -> Claim:
+    """Of tasks of which the unlikeliest three fall behind by so much, and the others lead."""
+    gap = slope * LIKELIHOOD + BEND - 99 * (not fallen)
+    if fallen:
+        gap = np.where(UNLIKELY, 0.0, 9.0 * LIKELIHOOD)
+        gap[UNLIKELY] = np.array([1.0, 0, -1]) - fallen
+    return judged.falls_behind_on_unlikely("A", "B", LIKELIHOOD, gap, BY)
+
+
+def covered(first: float, second: float) -> Claim:
+    other = {"cells": 0 * WAVE, "effective": 0 * WAVE}
+    return judged.covers_more("A", {"cells": WAVE + first, "effective": WAVE + second}, "B", other)
+
+
+def half(first: float, second: float) -> Claim:
+    b = 3 + WAVE
+    return judged.earns_half("A", "B", {500: (b - 1 - first, b), BY: (b - 1 - second, b)})
+
+
+def closing(few: float, many: float, few_spread: float = 1.0, many_spread: float = 1.0) -> Claim:
+    ends = [mean_interval(gap + s * WAVE) for gap, s in ((few, few_spread), (many, many_spread))]
+    return judged.gap_closes("A", "B", *ends, BY)
+
+
+def arrivals(count: int) -> np.ndarray:
+    return np.arange(10)[::-1] * (np.arange(10) < count) + (np.arange(10) < count)
+
+
+# By x how far the claim is inside the bound of one of its parts.
+Rules = dict[str, Callable[[float], Claim]]
+FAILS_WITH: Rules = {
+    "not by": lambda x: claims.not_by(returns([1, 0.9 - x, 1]), BY),
+    "only": lambda x: claims.only_beginning(returns([0, 4 - x, 0], None, 8, 1), BY),
+    "falls with": lambda x: sloped(-SLOPE - x),
+    "moves": lambda x: claims.moves_early(returns([0] * 5, [0, 2, 4 + x, 5 + x, 4 + x]), 1_500),
+    "faster": lambda x: compared(claims.learns_faster, [9, 2 * HALF - 9 + x, -99], 1, BY),
+    "no advantage": lambda x: compared(claims.no_advantage, [9, 2 * HALF - 9 - x, 99], 1, BY),
+    "jump-start": lambda x: jumped(-45 - x),
+    "optimal with": lambda x: only_with(0.9 + x, 0),
+    "not without": lambda x: only_with(1, 0.9 - x),
+    "never arrives": lambda x: judged.never_arrives("A", arrivals(5 - (x > 0))),
+    "arrives": lambda x: judged.arrives("A", arrivals(8 + (x > 0))),
+    "gathers": lambda x: judged.gathers_at_door("A", 2 + HALF + x + WAVE, 2),
+}
+FAILS_IN_PART: Rules = {
+    "optimal then": lambda x: claims.optimal_by(returns([0, 0.95 + x, 1]), BY),
+    "optimal later": lambda x: claims.optimal_by(returns([0, 1, 0.95 + x]), BY),
+    "solved then": lambda x: claims.solves_most(solving(4 + (x > 0), 8), BY),
+    "solved later": lambda x: claims.solves_most(solving(5, 4 + (x > 0)), BY),
+    "beginning": lambda x: claims.only_beginning(returns([0, x, 1], None, 8, 1), BY),
+    "starts greedily": lambda x: claims.starts_near_optimum(returns([1], [0.9 + x])),
+    "starts learning": lambda x: claims.starts_near_optimum(returns([0.9 + x], [1])),
+    "ends learning": lambda x: claims.ends_at_optimum(returns([0, x - 55], [0, -50], -50)),
+    "ends greedily": lambda x: claims.ends_at_optimum(returns([0, 50], [0, 45 + x], 50)),
+    "better": lambda x: steadier(claims.better_and_steadier, x, 1, 2),
+    "steadier": lambda x: steadier(claims.better_and_steadier, 9, 2 - x, 2),
+    "worse": lambda x: steadier(claims.worse_and_wider, -HALF - x, 2, 1),
+    "wider": lambda x: steadier(claims.worse_and_wider, -9, 2 + x, 2),
+    "no better during": lambda x: compared(claims.no_better, [2 * (HALF - x), 0, HALF - x], 1, BY),
+    "no better then": lambda x: compared(claims.no_better, [-9, HALF - x, 9 - HALF], 1, BY),
+    "negative learning": lambda x: negative(-HALF - x, -9),
+    "negative greedy": lambda x: negative(-9, -HALF - x),
+    "covers": lambda x: covered(HALF + x, 9),
+    "covers by either": lambda x: covered(9, HALF + x),
+    "falls behind": lambda x: unlikely(THIRD + x, 0),
+    "less and less": lambda x: unlikely(0, BEND_SLOPE + x),
+    "optimal for each": lambda x: judged.optimal_for_all("A", np.array([1, 0.9 + x, 1]), BY),
+    "half early": lambda x: half(x, 2),
+    "half late": lambda x: half(2, x),
+    "apart above": lambda x: closing(HALF + x, 0),
+    "apart below": lambda x: closing(-HALF - x, 0),
+    "met above": lambda x: closing(9, HALF - x),
+    "met below": lambda x: closing(9, x - HALF),
+    "closer": lambda x: closing(1, 1 - x, 0.1, 9),
+}
+FAILS_AT_LAST: Rules = {
+    "optimal on average": lambda x: judged.optimal_for_all("A", np.array([0.8, 1 + 2 * x]), BY),
+    "closer or not": lambda x: closing(-2, 2 - x, 1, 0.1),
+}
+
+
+@pytest.mark.parametrize("rule", [*FAILS_WITH, *FAILS_IN_PART, *FAILS_AT_LAST])
+def test_a_rule_turns_at_its_bound(rule):
+    judge = (FAILS_WITH | FAILS_IN_PART | FAILS_AT_LAST)[rule]
+    assert judge(1e-6).verdict == (PARTLY if rule in FAILS_AT_LAST else REPRODUCED)
+    assert judge(-1e-6).verdict == (PARTLY if rule in FAILS_IN_PART else NOT)
+
+
+GAIN, SPREAD = (2, 95, 2 - HALF, 2 + HALF), WAVE.std(ddof=1)
+WAVING = returns([0, 2, 0], optimum=8, spread=1)
+FALLEN = -99 + BEND[UNLIKELY].mean()
+
+
+@pytest.mark.parametrize(
+    ("claim", "numbers"),
+    [
+        (claims.optimal_by(returns([0.2, 0.96, 0.97]), BY), [BY, 96, 97, 95, BY]),
+        (claims.optimal_by(returns([0, 0.5, 1]), BY), [BY, 50, 100, 95, 1_500]),
+        (claims.optimal_by(returns([0, 0.5, 0.9]), BY), [BY, 50, 90, 95]),
+        (claims.not_by(returns([0, 1, 0], optimum=4), BY), [BY, 25]),
+        (claims.solves_most(solving(2, 6), BY), [10, 25, BY, 75, 0, BY]),
+        (claims.only_beginning(WAVING, BY), [BY, *GAIN, 25]),
+        (sloped(2 * SLOPE), [BY, 2 * SLOPE, 95, SLOPE, 3 * SLOPE]),
+        (claims.starts_near_optimum(returns([1, 0], [2, 0], optimum=4)), [500, 50, 500, 25]),
+        (claims.moves_early(returns([0] * 4, [0, 3, 4, 9]), BY), [500, 3, BY, 3]),
+        (claims.ends_at_optimum(returns([0, 1], [0, 2], -3)), [BY, 1, 2, -3]),
+        (compared(claims.learns_faster, [3, 1, 0], 1, BY), [BY, *GAIN]),
+        (compared(claims.no_advantage, [3, 1, 0], 1, BY), [BY, *GAIN]),
+        (compared(claims.no_better, [2, 2, 2], 1, BY), [*GAIN, *GAIN, BY]),
+        (negative(2, 2), [1_500, *GAIN, *GAIN]),
+        (compared(claims.little_jump_start, [2, 0], 0), [500, 2, 1]),
+        (only_with(0.5, 0.25), [100, 100, 50, 25]),
+        (steadier(claims.better_and_steadier, 2, 2, 1), [BY, *GAIN, 2 * SPREAD, SPREAD]),
+        (steadier(claims.worse_and_wider, 2, 1, 2), [BY, *GAIN, SPREAD, 2 * SPREAD, 200]),
+        (judged.never_arrives("A", np.array([0, 3, 4, 90])), [3, 4, 3.5]),
+        (judged.arrives("A", np.array([5, 5, 83])), [3, 3, 5]),
+        (judged.gathers_at_door("A", 2 + WAVE, 1.5), [*GAIN, 1.5]),
+        (covered(1, 2), [1, 0, 1, 95, 1 - HALF, 1 + HALF, 2, 0, *GAIN]),
+        (unlikely(0, 0), [FALLEN, 95, None, None, 3, None, 0, 95, -BEND_SLOPE, BEND_SLOPE]),
+        (judged.optimal_for_all("A", np.array([0.8, 1, 0.96]), BY), [BY, 2, 3, 90, 80, 92]),
+        (half(0.5, 0), [500, 1.5, 3, BY, 2, 3]),
+        (closing(3, 1), [BY, 3, 95, 3 - HALF, 3 + HALF, 1, 95, 1 - HALF, 1 + HALF]),
+    ],
+    ids=lambda given: given.text if isinstance(given, Claim) else "",
+)
+def test_the_evidence_tells_the_numbers_behind_the_verdict(claim, numbers):
+    told = [float(x.replace(",", "")) for x in re.findall(r"-?\d[\d,]*\.?\d*", claim.evidence)]
+    known = [(x, y) for x, y in zip(told, numbers, strict=True) if y is not None]
+    assert [x for x, _ in known] == pytest.approx([y for _, y in known], abs=5e-4)
+
+
+def test_returns_are_looked_up_by_iteration_and_refused_elsewhere():
+    runs = returns([0.1, 0.2, 0.3], [0.4, 0.5, 0.6])
+    assert (runs.at(1_000) == 0.2).all()
+    assert (runs.at(1_500, "greedy") == 0.6).all()
+    for iteration in (0, 750, 2_000, -1):
+        with pytest.raises(ValueError, match=f"iteration {iteration} was not recorded"):
+            runs.at(iteration)
 
 
 def test_a_run_is_solved_against_its_own_optimum():
-    greedy = np.full((2, 3), 0.72)
-    runs = Returns(ITERATIONS, greedy, greedy, np.array([0.79, 0.81]))
-    assert runs.solved(1000) == 0.5
-
-
-@pytest.mark.parametrize(
-    ("passed", "expected"),
-    [
-        ([True, True], REPRODUCED),
-        ([True, False], PARTLY),
-        ([False, True], PARTLY),
-        ([False, False], NOT),
-    ],
-)
-def test_the_verdict_of_parts(passed, expected):
-    assert verdict(passed) == expected
-
-
-@pytest.mark.parametrize(
-    ("means", "expected", "number"),
-    [
-        ([0.5, 0.776, 0.788], REPRODUCED, "first at 2,000"),
-        ([0.776, 0.788, 0.788], REPRODUCED, "first at 1,000"),
-        ([0.2, 0.5, 0.776], PARTLY, "first at 3,000"),
-        ([0.2, 0.776, 0.5], PARTLY, "at the end 62.5%"),
-        ([0.2, 0.4, 0.6], NOT, "reached never"),
-    ],
-)
-def test_optimal_by(means, expected, number):
-    claim = optimal_by("1-MGVT", returns(means), 2000)
-    assert claim.verdict == expected
-    assert number in claim.evidence
-    assert "1-MGVT" in claim.text
-    assert "2,000" in claim.text
-    assert f"Learning return at 2,000: {means[1] / 0.8:.1%} of the optimum" in claim.evidence
-
-
-@pytest.mark.parametrize(
-    ("shares", "expected"),
-    [
-        ([0.0, 0.75, 1.0], REPRODUCED),
-        ([0.0, 0.5, 1.0], PARTLY),
-        ([0.0, 0.75, 0.25], PARTLY),
-        ([0.0, 0.25, 0.5], NOT),
-    ],
-)
-def test_solves_most(shares, expected):
-    runs = returns([0.1, 0.1, 0.1], greedy=greedy_solving(shares))
-    claim = solves_most("GVT", runs, 2000)
-    assert claim.verdict == expected
-    assert f"in {shares[1]:.0%} of the runs at 2,000 iterations" in claim.evidence
-    assert f"in {shares[2]:.0%} at the end" in claim.evidence
-    assert "within 10% of the optimum" in claim.evidence
-
-
-@pytest.mark.parametrize(
-    ("value", "expected"), [(0.05, REPRODUCED), (0.39, REPRODUCED), (0.0, PARTLY)]
-)
-def test_only_beginning(value, expected):
-    claim = only_beginning("NT", returns([0.0, value, 0.8]), 2000)
-    assert claim.verdict == expected
-    assert f"Learning return at 2,000: {value:.3f} (95% interval" in claim.evidence
-    assert f"that is {value / 0.8:.0%} of the optimum" in claim.evidence
-
-
-def test_only_beginning_is_not_reproduced_by_an_optimal_return():
-    assert only_beginning("NT", returns([0.0, 0.8, 0.8]), 2000).verdict == NOT
-
-
-@pytest.mark.parametrize(
-    ("mean", "spread", "expected"),
-    [(0.7, 0.01, REPRODUCED), (0.7, 0.1, PARTLY), (0.5, 0.01, PARTLY), (0.5, 0.1, NOT)],
-)
-def test_better_and_steadier(mean, spread, expected):
-    a, b = returns([0, mean, 0], spread), returns([0, 0.6, 0], 0.05)
-    claim = better_and_steadier("MGVT", a, "GVT", b, 2000)
-    assert claim.verdict == expected
-    assert f"MGVT minus GVT: {mean - 0.6:.3f} (95% interval" in claim.evidence
-    deviation = np.std(spread * WAVE, ddof=1)
-    assert f"{deviation:.3f} against {np.std(0.05 * WAVE, ddof=1):.3f}" in claim.evidence
-
-
-@pytest.mark.parametrize(
-    ("during", "end", "expected"),
-    [(0.6, 0.6, REPRODUCED), (0.5, 0.5, REPRODUCED), (0.7, 0.6, PARTLY), (0.7, 0.7, NOT)],
-)
-def test_no_better(during, end, expected):
-    a = returns([during, end, during], 0.02)
-    claim = no_better("3-MGVT", a, "1-MGVT", returns([0.6, 0.6, 0.6], 0.01), 2000)
-    assert claim.verdict == expected
-    assert f"{end - 0.6:.3f}" in claim.evidence
-    assert "at 2,000 iterations" in claim.evidence
-
-
-def test_no_better_counts_a_difference_only_where_its_interval_excludes_zero():
-    a, b = returns([0.62] * 3, spread=0.1), returns([0.6] * 3, spread=0.0)
-    assert no_better("3-MGVT", a, "1-MGVT", b, 3000).verdict == REPRODUCED
-
-
-class Cells(HTMLParser):
-    """Text of the cells of a table, and the classes it uses."""
-
-    def __init__(self, html: str) -> None:
-        super().__init__()
-        self.tags: list[str] = []
-        self.cells: list[str] = []
-        self.classes: list[str] = []
-        self.feed(html)
-
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self.tags.append(tag)
-        self.classes += [value or "" for name, value in attrs if name == "class"]
-        if tag in ("td", "th"):
-            self.cells.append("")
-
-    def handle_data(self, data: str) -> None:
-        if self.cells:
-            self.cells[-1] += data
-
-
-def test_the_table_shows_every_claim_with_its_verdict_and_numbers():
-    claims = [Claim(f"text {v}", v, f"numbers {v}") for v in (REPRODUCED, PARTLY, NOT)]
-    shown = Cells(table(claims))
-    expected = [x for c in claims for x in (c.text, c.verdict, c.evidence)]
-    assert shown.cells == ["Claim", "Verdict", "Numbers", *expected]
-    assert shown.classes == [
-        "claims",
-        "verdict reproduced",
-        "verdict partly",
-        "verdict not",
-    ]
-
-
-def test_the_table_escapes_what_it_shows():
-    hostile = "<script>alert('&lt;\"')</script> & <b>"
-    html = table([Claim(hostile, PARTLY, hostile)])
-    assert "<script" not in html
-    assert "<b>" not in html
-    shown = Cells(html)
-    assert shown.cells[3] == shown.cells[5] == hostile
-    assert set(shown.tags) == {"table", "thead", "tbody", "tr", "th", "td"}
-
-
-@pytest.mark.parametrize(
-    ("mean", "spread", "expected"),
-    [(0.4, 0.2, REPRODUCED), (0.4, 0.001, PARTLY), (0.8, 0.2, PARTLY), (0.8, 0.001, NOT)],
-)
-def test_worse_and_wider(mean, spread, expected):
-    other = returns([0.1, 0.4, 0.75])
-    claim = worse_and_wider("GVT", returns([0.1, 0.2, mean], spread), "1-MGVT", other, 3000)
-    assert claim.verdict == expected
-
-
-@pytest.mark.parametrize(("slope", "expected"), [(-0.1, REPRODUCED), (0.1, NOT)])
-def test_falls_with(slope, expected):
-    distance = np.linspace(0, 4, len(WAVE))
-    runs = returns([0.1, 0.2, 0.4])
-    runs.learning[:, -1] = 0.4 + slope * distance + 0.001 * WAVE
-    assert falls_with("GVT", runs, distance, 3000).verdict == expected
-
-
-def test_a_slope_that_may_be_chance_is_not_reproduced():
-    distance = np.linspace(0, 4, len(WAVE))
-    runs = returns([0.1, 0.2, 0.4])
-    noise = np.array([1.0, -1.0] * (len(WAVE) // 2))
-    runs.learning[:, -1] = 0.4 - 0.001 * distance + 0.1 * noise
-    assert falls_with("GVT", runs, distance, 3000).verdict == NOT
-
-
-def arrivals_of(reached: int, runs: int = 10) -> np.ndarray:
-    """Arrivals of runs of which so many arrive, the first once, the second twice and so on."""
-    return np.where(np.arange(runs) < reached, np.arange(1, runs + 1), 0)
-
-
-@pytest.mark.parametrize(("reached", "expected"), [(0, REPRODUCED), (4, REPRODUCED), (5, NOT)])
-def test_never_arrives_means_fewer_than_half_of_the_runs(reached, expected):
-    claim = never_arrives("NT", arrivals_of(reached))
-    assert claim.verdict == expected
-    assert claim.text == "NT does not reach the goal."
-    assert f"{reached} of 10 runs arrive at least once" in claim.evidence
-
-
-@pytest.mark.parametrize(("reached", "expected"), [(10, REPRODUCED), (9, REPRODUCED), (8, NOT)])
-def test_arrives_means_nine_runs_in_ten(reached, expected):
-    claim = arrives("GVT", arrivals_of(reached))
-    assert claim.verdict == expected
-    assert claim.text == "GVT reaches the goal."
-    assert f"{reached} of 10 runs arrive at least once" in claim.evidence
-
-
-@pytest.mark.parametrize(
-    ("arrivals", "median"), [([0, 0, 0, 7], "0"), ([0, 3, 4, 90], "3.5"), ([5, 5, 83], "5")]
-)
-def test_the_median_run_arrives_so_often(arrivals, median):
-    for claim in (never_arrives("NT", np.array(arrivals)), arrives("NT", np.array(arrivals))):
-        assert f"the median run arrives {median} times" in claim.evidence
-
-
-@pytest.mark.parametrize(
-    ("mean", "spread", "expected"),
-    [(0.3, 0.01, REPRODUCED), (0.14, 0.1, NOT), (0.1, 0.01, NOT)],
-    ids=["clearly more", "more by chance", "less"],
-)
-def test_gathers_at_door(mean, spread, expected):
-    claim = gathers_at_door("GVT", mean + spread * WAVE, 0.126)
-    assert claim.verdict == expected
-    assert "GVT" in claim.text
-    # Student's quantile of seven degrees of freedom
-    half = 2.365 * np.std(spread * WAVE, ddof=1) / np.sqrt(len(WAVE))
-    ends = f"{mean:.3f} (95% interval {mean - half:.3f} to {mean + half:.3f})"
-    assert f"lie at the door: {ends}; spread evenly 0.126." in claim.evidence
-
-
-@pytest.mark.parametrize(
-    ("cells", "effective", "expected"),
-    [
-        (5.0, 2.0, REPRODUCED),
-        (5.0, 0.0, PARTLY),
-        (0.1, 2.0, PARTLY),
-        (0.1, 0.1, NOT),
-        (-5.0, -2.0, NOT),
-    ],
-)
-def test_covers_more(cells, effective, expected):
-    shared = np.linspace(10, 40, len(WAVE))
-    pairs = {
-        "cells": (shared + cells + WAVE, shared),
-        "effective": (shared / 2 + effective + WAVE, shared / 2),
-    }
-    claim = covers_more("1-MGVT", "GVT", pairs)
-    assert claim.verdict == expected
-    assert claim.text == "1-MGVT covers the lower room more widely than GVT."
-    half = 2.365 * np.std(WAVE, ddof=1) / np.sqrt(len(WAVE))
-    for name, base, gain in (("cells", 25.0, cells), ("effective", 12.5, effective)):
-        ends = f"{gain:.3f} (95% interval {gain - half:.3f} to {gain + half:.3f})"
-        means = f"{name} {base + gain:.1f} against {base:.1f}"
-        assert f"{means}, difference {ends}" in claim.evidence
-
-
-# Densities of nine tasks, out of order; the three least likely are the last, third and sixth.
-LIKELIHOOD = np.array([0.22, 0.12, 0.05, 0.20, 0.15, 0.08, 0.18, 0.10, 0.02])
-UNLIKELY = np.array([2, 5, 8])
-
-
-@pytest.mark.parametrize(
-    ("level", "slope", "noise", "expected"),
-    [
-        (-0.4, 2.0, 0.0, REPRODUCED),
-        (-0.2, 0.0, 0.01, PARTLY),
-        (0.1, 2.0, 0.0, PARTLY),
-        (0.0, 0.0, -0.1, NOT),
-        (0.3, -2.0, 0.0, NOT),
-    ],
-    ids=["falls behind", "behind everywhere", "never behind", "by chance", "the other way round"],
-)
-def test_falls_behind_on_unlikely(level, slope, noise, expected):
-    gap = level + slope * LIKELIHOOD + noise * np.array([1, -1, 1, 1, -1, -1, -1, 1, 0.5])
-    b = np.linspace(0.5, 0.9, 9)
-    claim = falls_behind_on_unlikely("GVT", b + gap, "1-MGVT", b, LIKELIHOOD, "At 500")
-    assert claim.verdict == expected
-    assert claim.text == "At 500 iterations GVT falls behind 1-MGVT on unlikely tasks."
-    others = np.delete(gap, UNLIKELY).mean()
-    assert claim.evidence.startswith("GVT minus 1-MGVT, as a share")
-    assert f"optimum: {gap[UNLIKELY].mean():.3f} (95% interval" in claim.evidence
-    assert f"on the 3 least likely tasks, {others:.3f} on the others" in claim.evidence
-    fitted = np.polyfit(LIKELIHOOD, gap, 1)[0]
-    assert f"slope over the density {fitted:.3f} (95% interval" in claim.evidence
-
-
-@pytest.mark.parametrize(("tasks", "least"), [(9, 3), (20, 7), (3, 1)])
-def test_a_third_of_the_tasks_is_unlikely(tasks, least):
-    likelihood = np.linspace(0.01, 0.2, tasks)
-    if least < 2:
-        with pytest.raises(ValueError, match="at least 2"):
-            falls_behind_on_unlikely("a", likelihood, "b", likelihood, likelihood, "")
-        return
-    claim = falls_behind_on_unlikely("a", likelihood, "b", likelihood, likelihood, "")
-    assert f"on the {least} least likely tasks" in claim.evidence
-
-
-@pytest.mark.parametrize(
-    ("share", "expected", "reach"),
-    [
-        ([0.9, 0.95, 0.97, 0.98], REPRODUCED, "4 of 4"),
-        ([0.6, 0.99, 1.0, 1.01], NOT, "3 of 4"),
-        ([0.8, 0.99, 1.0, 1.01], PARTLY, "3 of 4"),
-        ([0.3, 0.4, 0.5, 0.6], NOT, "0 of 4"),
-    ],
-    ids=["all", "one far off", "one off", "none"],
-)
-def test_optimal_for_all(share, expected, reach):
-    claim = optimal_for_all("1-MGVT", np.array(share), "At 4,000")
-    assert claim.verdict == expected
-    assert "1-MGVT" in claim.text
-    assert claim.evidence == (
-        f"At 4,000 {reach} tasks reach 90% of their optimum; "
-        f"the least earns {share[0]:.0%}, the mean {np.mean(share):.0%}."
-    )
-
-
-@pytest.mark.parametrize(
-    ("early", "late", "expected"),
-    [
-        (0.5, 0.66, REPRODUCED),
-        (0.0, 0.3, REPRODUCED),
-        (0.5, 0.68, PARTLY),
-        (0.9, 0.5, PARTLY),
-        (0.9, 1.2, NOT),
-    ],
-)
-def test_earns_half(early, late, expected):
-    b = 0.5 + 0.1 * WAVE
-    pairs = {"at 1,000": (0.5 * early * np.ones(8), b), "at 1,950": (late * b[::-1], b)}
-    claim = earns_half("GVT", "2-MGVT", pairs)
-    assert claim.verdict == expected
-    assert claim.text == "With two sources GVT earns about half of what 2-MGVT does."
-    assert claim.evidence == (
-        f"GVT against 2-MGVT at 1,000 {0.5 * early:.2f} against 0.50; "
-        f"at 1,950 {0.5 * late:.2f} against 0.50."
-    )
-
-
-@pytest.mark.parametrize(
-    ("few", "many", "spread", "expected"),
-    [
-        (-0.3, 0.0, 0.01, REPRODUCED),
-        (0.3, -0.1, 0.2, REPRODUCED),
-        (-0.3, -0.1, 0.01, PARTLY),
-        (-0.3, 0.1, 0.01, PARTLY),
-        (0.01, -0.05, 0.2, PARTLY),
-        (-0.1, -0.3, 0.01, NOT),
-        (0.0, 0.3, 0.01, NOT),
-        (0.0, -0.3, 0.01, NOT),
-    ],
-)
-def test_gap_closes(few, many, spread, expected):
-    b = np.linspace(0.4, 0.8, len(WAVE))
-    ends = [(b + gap + spread * WAVE, b) for gap in (few, many)]
-    claim = gap_closes("GVT", ends[0], "1-MGVT", ends[1], "At 1,950")
-    assert claim.verdict == expected
-    assert claim.text == "GVT and 1-MGVT meet as sources grow."
-    half = 2.365 * np.std(spread * WAVE, ddof=1) / np.sqrt(len(WAVE))
-    start, end = (
-        f"{gap:.3f} (95% interval {gap - half:.3f} to {gap + half:.3f})" for gap in (few, many)
-    )
-    assert claim.evidence == (
-        f"At 1,950 GVT minus 1-MGVT: {start} with the fewest sources, {end} with the most."
-    )
-
-
-def over_time(learning: Sequence[float], greedy: Sequence[float], optimum: float = 60.0) -> Returns:
-    """Eight runs with these mean returns at 500, 1,000, ... iterations."""
-    at = 500 * np.arange(1, len(learning) + 1)
-    spread = 0.01 * WAVE[:, None]
-    curves = (np.asarray(values) + spread for values in (learning, greedy))
-    return Returns(at, *curves, np.full(len(WAVE), optimum))
-
-
-@pytest.mark.parametrize(
-    ("learning", "greedy", "expected"),
-    [(55.0, 58.0, REPRODUCED), (50.0, 58.0, PARTLY), (55.0, 50.0, PARTLY), (20.0, 20.0, NOT)],
-)
-def test_starts_near_optimum(learning, greedy, expected):
-    claim = starts_near_optimum("GVT", over_time([learning, 60], [greedy, 60]))
-    assert claim.verdict == expected
-    assert f"at 500 iterations: {greedy / 60:.0%}" in claim.evidence
-    assert f"at 500: {learning / 60:.0%}" in claim.evidence
-
-
-@pytest.mark.parametrize(("learning", "expected"), [(53.0, REPRODUCED), (55.0, NOT)])
-def test_not_by(learning, expected):
-    assert not_by("DDQN", over_time([10, learning], [0, 0]), 1_000).verdict == expected
-
-
-@pytest.mark.parametrize(
-    ("greedy", "expected"), [([10, 30, 50, 52, 50], REPRODUCED), ([10, 30, 50, 30, 50], NOT)]
-)
-def test_moves_early(greedy, expected):
-    claim = moves_early("GVT", over_time([0] * 5, greedy), 1_500)
-    assert claim.verdict == expected
-    assert "20.00 until 1,500" in claim.evidence
-
-
-@pytest.mark.parametrize(
-    ("judge", "clear", "unclear"),
-    [(learns_faster, REPRODUCED, NOT), (no_advantage, NOT, REPRODUCED)],
-)
-@pytest.mark.parametrize("gain", [1.0, 0.0, -1.0])
-def test_learns_faster_and_its_opposite_no_advantage(judge, clear, unclear, gain):
-    a, b = over_time([20 + gain, 30, 0], [0] * 3), over_time([20, 30, 60], [0] * 3)
-    claim = judge("1-MGVT", a, "DDQN", b, 1_000)
-    assert claim.verdict == (clear if gain > 0 else unclear)
-    assert f"first 1,000 iterations: {gain / 2:.3f}" in claim.evidence
-
-
-@pytest.mark.parametrize(("start", "expected"), [(-75.0, REPRODUCED), (-73.0, NOT)])
-def test_little_jump_start(start, expected):
-    a, b = (over_time([x, -50], [0] * 2, -50.0) for x in (start, -79.0))
-    assert little_jump_start("1-MGVT", a, "DDQN", b).verdict == expected
-
-
-@pytest.mark.parametrize(
-    ("learning", "greedy", "expected"),
-    [(-54, -50, REPRODUCED), (-56, -54, PARTLY), (-54, -56, PARTLY), (-56, -80, NOT)],
-)
-def test_ends_at_optimum(learning, greedy, expected):
-    claim = ends_at_optimum("1-MGVT", over_time([-90, learning], [-90, greedy], -50.0))
-    assert claim.verdict == expected
-    assert f"learning return is {learning:.1f}" in claim.evidence
-
-
-@pytest.mark.parametrize(
-    ("learning", "greedy", "expected"),
-    [(-0.1, -0.1, REPRODUCED), (-0.1, 0.0, PARTLY), (0.0, -0.1, PARTLY), (0.1, 0.1, NOT)],
-)
-def test_transfers_negatively(learning, greedy, expected):
-    a, b = over_time([0.9, 0.4 + learning], [0.9, 0.4 + greedy]), over_time([0, 0.4], [0, 0.4])
-    claim = transfers_negatively("GVT", a, "DDQN", b)
-    assert claim.verdict == expected
-    assert f"at 1,000 iterations: {learning:.3f}" in claim.evidence
-
-
-@pytest.mark.parametrize(
-    ("transfer", "alone", "expected"),
-    [
-        ([0.8, 0.2], [0.6, 0.2], REPRODUCED),
-        ([0.8, 0.8], [0.8, 0.8], NOT),
-        ([0.6, 0.6], [0.2, 0.2], NOT),
-    ],
-)
-def test_optimal_only_with(transfer, alone, expected):
-    a, b = (
-        {f"maze {i}": over_time([0, 0], [0, end], 0.8) for i, end in enumerate(ends)}
-        for ends in (transfer, alone)
-    )
-    claim = optimal_only_with("1-MGVT", a, "DDQN", b)
-    assert claim.verdict == expected
-    assert f"maze 0 {transfer[0] / 0.8:.0%} against {alone[0] / 0.8:.0%}" in claim.evidence
-
-
-def test_a_claim_about_one_task_names_it():
-    claim = in_task("north-east 3", Claim("GVT fails.", NOT, "0.1"))
-    assert claim == Claim("In north-east 3: GVT fails.", NOT, "0.1")
-
-
-# Claims on stored runs as they are, and with what they are about exchanged.
-
-
-@pytest.fixture(scope="module")
-def seen() -> dict[str, np.ndarray]:
-    return {label: visited("rooms-exploration", label) for label in ("NT", "GVT", "1-MGVT")}
-
-
-def test_stored_runs_by_chance_hardly_arrive_and_others_do(seen):
-    arrived = {label: visits.arrivals(at) for label, at in seen.items()}
-    assert never_arrives("NT", arrived["NT"]).verdict == REPRODUCED
-    assert arrives("GVT", arrived["GVT"]).verdict == REPRODUCED
-    assert never_arrives("NT", arrived["GVT"]).verdict == NOT
-    assert arrives("GVT", arrived["NT"]).verdict == NOT
-    # the same runs cut off before anyone can have arrived: twenty steps from corner to corner
-    early = visits.arrivals(seen["GVT"][:, :12])
-    assert arrives("GVT", early).verdict == NOT
-    assert "0 of 20 runs arrive at least once" in arrives("GVT", early).evidence
-
-
-def test_stored_visits_gather_at_the_door_that_is_there(seen):
-    even = visits.uniform_share_at_door()
-
-    def judged(label: str, door: float) -> str:
-        return gathers_at_door(label, visits.share_at_door(seen[label], door), even).verdict
-
-    assert judged("GVT", 5.0) == judged("1-MGVT", 5.0) == REPRODUCED
-    assert judged("NT", 5.0) == NOT
-    # a door where there is none
-    assert judged("GVT", 8.0) == NOT
-
-
-def test_stored_coverage_the_other_way_round_is_not_reproduced(seen):
-    measures = {"cells": visits.cells_visited, "effective": visits.effective_cells}
-
-    def claim(first: str, second: str) -> Claim:
-        pairs = {name: (f(seen[first]), f(seen[second])) for name, f in measures.items()}
-        return covers_more(first, second, pairs)
-
-    assert claim("1-MGVT", "GVT").verdict == REPRODUCED
-    assert claim("GVT", "1-MGVT").verdict == NOT
-    cells = visits.cells_visited(seen["1-MGVT"]).mean()
-    assert f"cells {cells:.1f} against" in claim("1-MGVT", "GVT").evidence
+    runs = returns([0.72])
+    runs.stored.optimum[:] = 0.8 + 1e-6 * WAVE
+    assert runs.solved(500) == 0.5

@@ -6,23 +6,19 @@ on tensors of both sides, and NumPy's view of a tensor on the device.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from collections.abc import Iterator
 from typing import Any
 
-import numpy as np
 import pytest
 import torch
 from torch import Tensor
 from torch.overrides import TorchFunctionMode
 
-from vtlib import factor_deferred, store
-from vtlib.experiments import CARTPOLE, CARTPOLE_LATE, ROOMS_CALIBRATION, ROOMS_EVALUATION, work
-from vtlib.experiments import runs as runs_of
-from vtlib.experiments.experiment import Experiment
-from vtlib.factor_deferred import AHEAD, DeferredFactors
-from vtlib.gaussian import Precision
-from vtlib.transfer import LARGE
+from vtlib import posteriors
+from vtlib.qfunctions import MLP, QFunction, RBFLinear
+from vtlib.replay import Transition
+from vtlib.rng import Rng
+from vtlib.transfer import Settings
 
 CARD = torch.device("cuda", 0)
 
@@ -58,111 +54,62 @@ class PretendedCard(TorchFunctionMode):
 
 
 def _means_card(device: object) -> bool:
-    return isinstance(device, str | torch.device) and torch.device(device) in (
-        CARD,
-        torch.device("cuda"),
-    )
+    return isinstance(device, str | torch.device) and torch.device(device).type == "cuda"
 
 
 def _tensors(values: Any) -> Iterator[Tensor]:
     if isinstance(values, Tensor):
         yield values
-    elif isinstance(values, dict):
-        yield from _tensors(tuple(values.values()))
-    elif isinstance(values, list | tuple):
-        for value in values:
+    elif isinstance(values, dict | list | tuple):
+        for value in values.values() if isinstance(values, dict) else values:
             yield from _tensors(value)
 
 
-def both(experiment: Experiment, label: str) -> tuple[store.Arrays, store.Arrays]:
-    """The arrays of two short runs, on the processor and on the pretended card."""
-    pool = work.pool_weights(experiment.pool, store.results_folder())
-    short = replace(experiment, iterations=40, every=20, runs=2)
-    here = runs_of.run_batch(short, label, [0, 1], pool)
-    with PretendedCard():
-        there = runs_of.run_batch(short, label, [0, 1], pool, device="cuda")
-    return here, there
+def course(q: QFunction, settings: Settings, device: str) -> list[Tensor]:
+    """Means, factors and actions of two runs whose gradients are large now and then."""
+    g, runs = torch.Generator().manual_seed(0), [0, 1]
+    sources = 0.3 * torch.randn(2, 4, q.d, generator=g)
+    agent = settings.agent(q, sources.to(device), 2, Rng("device", runs))
+    taken, flags = [], torch.tensor([True, False])
+    obs = torch.randn(22, 2, 2, generator=g)
+    for t in range(20):
+        taken.append(agent.act(obs[t], flags))
+        reward = torch.tensor([1e5, 1.0]) if t % 7 == 6 else torch.ones(2)
+        agent.learn(Transition(obs[t], taken[-1], reward, obs[t + 1], flags))
+    return [agent.mu.detach().cpu(), agent.scale_tril.cpu(), torch.stack(taken)]
 
 
+@pytest.mark.parametrize("q", [RBFLinear(torch.arange(3.0), 0.5, 2), MLP((2, 9, 2))])
 @pytest.mark.parametrize(
-    ("experiment", "label"),
+    "changes",
     [
-        (ROOMS_EVALUATION, "GVT"),
-        (ROOMS_EVALUATION, "3-MGVT"),
-        (ROOMS_EVALUATION, "NT"),
-        (ROOMS_CALIBRATION, "3-MGVT"),
-        (CARTPOLE, "GVT"),
-        (CARTPOLE, "3-MGVT"),
-        (CARTPOLE, "DDQN"),
-        (CARTPOLE_LATE, "1-MGVT, full gradient"),
+        {"family": "gaussian"},
+        {"family": "gaussian", "kl": "diagonal", "act": "episode"},
+        {"family": "gaussian", "covariance": "diagonal"},
+        {"components": 3},
+        {"components": 3, "init": "mean", "responsibilities": "equal", "act": "episode"},
+        {"components": 3, "covariance": "diagonal", "kl": "diagonal"},
     ],
 )
-def test_runs_on_a_card_mix_nothing_and_are_the_same(experiment, label):
-    here, there = both(experiment, label)
-    assert here.keys() == there.keys()
-    for key in here:
-        np.testing.assert_array_equal(here[key], there[key])
-
-
-@pytest.mark.parametrize("act", ["step", "episode"])
-@pytest.mark.parametrize("covariance", ["full", "diagonal"])
-@pytest.mark.parametrize("family", ["gaussian", "mixture"])
-def test_large_posteriors_on_a_card(monkeypatch, act, covariance, family):
-    assert LARGE > 100
-    monkeypatch.setattr("vtlib.transfer.LARGE", 100)
-    monkeypatch.setattr(factor_deferred, "PANEL", 32)
-    settings = replace(
-        CARTPOLE.transfer_settings("GVT" if family == "gaussian" else "3-MGVT"),
-        act=act,
-        covariance=covariance,
-    )
-    here, there = both(replace(CARTPOLE, algorithms={"one": settings}), "one")
-    for key in here:
-        np.testing.assert_array_equal(here[key], there[key])
-
-
-def clipped(device: str, rows: Sequence[int]) -> Tensor:
-    """L after some steps that clipping binds in some rows, with a precision of low rank."""
-    g = torch.Generator().manual_seed(3)
-    d, noise = 150, torch.randn(AHEAD, 2, 4, 150, generator=g)
-    gradients = torch.randn(AHEAD, 2, 3, d, generator=g)
-    gradients[2:, 0, :, rows] *= 1e4
-    L, W = torch.eye(d).repeat(2, 1, 1), 0.1 * torch.randn(2, d, 2, generator=g)
-    L, W, noise, gradients = (x.to(device) for x in (L, W, noise, gradients))
-    factors = DeferredFactors(L, Precision(5.0, W), 1e-3, 0.1, 100.0)
-    factors.look_ahead(noise)
-    for t in range(AHEAD):
-        factors.product(t)
-        factors.step(gradients[t], noise[t, :, 1:], 0.1)
-    return factors.L.cpu()
-
-
-@pytest.mark.parametrize("rows", [[0, 70, 149], range(0, 150, 2)], ids=["few", "many"])
-def test_clipped_steps_on_a_card(rows):
-    here = clipped("cpu", rows)
+def test_runs_on_a_card_mix_nothing_and_are_the_same(monkeypatch, q, changes):
+    monkeypatch.setattr(posteriors, "kernels", lambda: None)  # they are the processor's
+    settings = Settings(**changes, lambda_=1e-2, alpha_L=1e-4, minibatch=3, n_samples=2)
+    here = course(q, settings, "cpu")
     with PretendedCard():
-        there = clipped("cuda", rows)
-    assert torch.equal(here, there)
+        there = course(q, settings, "cuda")
+    for ours, theirs in zip(here, there, strict=True):
+        assert torch.equal(ours, theirs)
 
 
 def test_the_pretended_card_refuses_what_a_card_refuses():
     with PretendedCard():
         there, here = torch.ones(2, device="cuda"), torch.ones(2)
-        assert there.device == CARD
-        assert (2 * there + here.to(CARD)).device == CARD
+        assert there.device == (2 * there + here.to(CARD)).device == CARD
         assert here[torch.arange(1)].device.type == there.cpu().device.type == "cpu"
-        for refused in (
-            lambda: there + here,
-            lambda: torch.cat([there, here]),
-            lambda: here[torch.zeros(1, dtype=torch.int64, device=CARD)],
-        ):
+        wrong = torch.zeros(1, dtype=torch.int64, device=CARD)
+        mixed = [lambda: there + here, lambda: torch.cat([there, here]), lambda: here[wrong]]
+        for refused in mixed:
             with pytest.raises(RuntimeError, match="of the card and of the processor"):
                 refused()
         with pytest.raises(TypeError, match="no numpy array"):
             there.numpy()
-
-
-def test_the_provenance_of_a_result_names_the_card(monkeypatch):
-    assert "device" not in store.machine()
-    monkeypatch.setattr(torch.cuda, "get_device_name", lambda device: f"a card called {device}")
-    assert store.machine("cuda:1")["device"] == "a card called cuda:1"

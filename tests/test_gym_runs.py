@@ -35,7 +35,7 @@ def test_a_two_headed_network_transfers_between_cartpoles():
     q = ModuleQ(TwoHeads(), n_actions=2)
     assert q.d == 4 * 16 + 16 + 17 + 34
     sources = solve([cartpole(x) for x in (0.35, 0.5, 0.65)], q, iterations=3000)
-    settings = Settings(lambda_=1e-3, alpha_L=1e-4, batch=100, weights=5)
+    settings = Settings(lambda_=1e-3, alpha_L=1e-4, minibatch=100, n_samples=5)
     learned = transfer([cartpole(0.45)], q, sources.weights[:, 0], 300, settings)
     # 63.4 is the most that 100 steps can pay; a random policy earns about 20
     assert learned.returns[0, -1] > 40

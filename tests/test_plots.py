@@ -5,8 +5,8 @@ from __future__ import annotations
 import io
 import itertools
 import re
-from base64 import b64decode
-from html.parser import HTMLParser
+from base64 import b64encode
+from html import unescape
 
 import matplotlib as mpl
 import numpy as np
@@ -15,238 +15,168 @@ from matplotlib.collections import PolyCollection
 from matplotlib.colors import to_hex, to_rgb
 from matplotlib.figure import Figure
 from PIL import Image
+from xarray import Dataset
 
-from vtlib.experiments import EXPERIMENTS
-from vtlib.experiments.control_figures import VARIANTS
-from vtlib.plots import (
-    COLOURS,
-    OPTIMUM,
-    STYLES,
-    Curve,
-    curve,
-    draw_curves,
-    image_html,
-    learning_figure,
-    look,
-    small_png,
-)
+from vtlib import plots
+from vtlib.plots import COLOURS, OPTIMUM, STYLES, curve, draw_curves, learning_figure
 from vtlib.stats import mean_interval
 
-ITERATIONS = np.arange(100, 1100, 100)
 # Full dichromacy, acting on linear RGB: Machado, Oliveira and Fernandes (2009), table 1.
 VISION = {
-    "full": np.eye(3),
-    "protanopia": np.array(
-        [
-            [0.152286, 1.052583, -0.204868],
-            [0.114503, 0.786281, 0.099216],
-            [-0.003882, -0.048116, 1.051998],
-        ]
-    ),
-    "deuteranopia": np.array(
-        [
-            [0.367322, 0.860646, -0.227968],
-            [0.280085, 0.672501, 0.047413],
-            [-0.011820, 0.042940, 0.968881],
-        ]
-    ),
-    "tritanopia": np.array(
-        [
-            [1.255528, -0.076749, -0.178779],
-            [-0.078411, 0.930809, 0.147602],
-            [0.004733, 0.691367, 0.303900],
-        ]
-    ),
+    "full": [[1, 0, 0], [0, 1, 0], [0, 0, 1]],
+    "protanopia": [[0.152, 1.053, -0.205], [0.115, 0.786, 0.099], [-0.004, -0.048, 1.052]],
+    "deuteranopia": [[0.367, 0.861, -0.228], [0.280, 0.673, 0.047], [-0.012, 0.043, 0.969]],
+    "tritanopia": [[1.256, -0.077, -0.179], [-0.078, 0.931, 0.148], [0.005, 0.691, 0.304]],
 }
-RGB_TO_XYZ = np.array(
-    [[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]]
-)
-WHITE = RGB_TO_XYZ.sum(1)
+TO_XYZ = np.array([[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]])
 # In CIELAB units, of which 2.3 are just seen: the least pair, NT and 3-MGVT, has 14.
 TOLD_APART = 12
 
 
-def seen(colour: str, vision: np.ndarray) -> np.ndarray:
+def seen(colour: str, vision: str = "full") -> np.ndarray:
     """CIELAB coordinates of a colour as an eye of that vision sees it."""
     rgb = np.array(to_rgb(colour))
     linear = np.where(rgb <= 0.04045, rgb / 12.92, ((rgb + 0.055) / 1.055) ** 2.4)
-    xyz = RGB_TO_XYZ @ np.clip(vision @ linear, 0, 1) / WHITE
+    xyz = TO_XYZ @ np.clip(np.array(VISION[vision]) @ linear, 0, 1) / TO_XYZ.sum(1)
     f = np.where(xyz > 216 / 24389, np.cbrt(xyz), (24389 / 27 * xyz + 16) / 116)
     return np.array([116 * f[1] - 16, 500 * (f[0] - f[1]), 200 * (f[1] - f[2])])
 
 
-def some(label: str, seed: int = 0) -> Curve:
-    values = np.random.default_rng(seed).random((5, len(ITERATIONS))) * 0.5
-    return curve(label, label, ITERATIONS, values)
+def runs(seed: int, count: int = 5, times: int = 10, optimum: float = 0.75) -> Dataset:
+    """Made-up returns at 100, 200, ... iterations."""
+    rng, dims = np.random.default_rng(seed), ("run", "iteration")
+    kinds = {kind: (dims, rng.random((count, times)) / 2) for kind in ("learning", "greedy")}
+    best = ("run", np.full(count, optimum))
+    return Dataset({**kinds, "optimum": best}, {"iteration": 100 * np.arange(1, times + 1)})
+
+
+STORED = {"NT": runs(0), "GVT": runs(1)}
 
 
 @pytest.fixture
 def figure() -> Figure:
-    panels = {
-        "learning": [some("NT"), some("GVT", 1)],
-        "greedy": [some("NT", 2), some("GVT", 3)],
-    }
-    with look():
-        return learning_figure(panels, optimum=0.83, limits=(-0.02, 0.9), title="3 rooms")
+    return plots.returns_figure(STORED, (-0.02, 0.9), title="3 rooms")
 
 
 @pytest.mark.parametrize("vision", VISION)
-def test_any_two_algorithms_are_told_apart(vision):
+def test_any_two_algorithms_are_told_apart_and_seen_on_white(vision):
     # the known distance of two primaries keeps the conversion honest
-    assert np.linalg.norm(seen("red", np.eye(3)) - seen("lime", np.eye(3))) == pytest.approx(
-        170.6, abs=0.5
-    )
+    assert np.linalg.norm(seen("red") - seen("lime")) == pytest.approx(170.6, abs=0.5)
     for a, b in itertools.combinations(COLOURS.values(), 2):
-        distance = np.linalg.norm(seen(a, VISION[vision]) - seen(b, VISION[vision]))
-        assert distance > TOLD_APART, (a, b)
+        assert np.linalg.norm(seen(a, vision) - seen(b, vision)) > TOLD_APART, (a, b)
+    for colour in (*COLOURS.values(), OPTIMUM):
+        assert np.linalg.norm(seen(colour, vision) - seen("white", vision)) > 30, colour
 
 
 def test_curves_are_told_apart_without_any_colour():
     styles = [STYLES.get(algorithm, "-") for algorithm in COLOURS]
     assert len(set(styles)) == len(styles)
-    assert set(STYLES) <= set(COLOURS)
-
-
-@pytest.mark.parametrize("vision", VISION)
-def test_every_curve_is_seen_on_white(vision):
-    for colour in (*COLOURS.values(), OPTIMUM):
-        apart = np.linalg.norm(seen(colour, VISION[vision]) - seen("white", VISION[vision]))
-        assert apart > 30, colour
-
-
-@pytest.mark.parametrize("name", EXPERIMENTS)
-def test_every_label_of_an_experiment_belongs_to_an_algorithm_with_a_colour(name):
-    for label in EXPERIMENTS[name].algorithms:
-        if label in VARIANTS:  # of one algorithm, told apart from it and from all others
-            assert VARIANTS[label] not in COLOURS.values()
-            continue
-        algorithm = re.match(r"(\d-)?[A-Z]+", label).group()
-        assert some(algorithm).colour == COLOURS[algorithm]
-
-
-def test_an_algorithm_without_a_colour():
     with pytest.raises(KeyError, match="SARSA"):
-        some("SARSA")
+        curve("x", "SARSA", np.arange(2), np.zeros((2, 2)))
 
 
 def test_a_figure_says_what_its_axes_are(figure):
-    learning, greedy = figure.axes
-    assert (learning.get_title(loc="left"), greedy.get_title(loc="left")) == ("learning", "greedy")
-    for ax in figure.axes:
-        assert ax.get_xlabel() == "thousand iterations"
+    for ax, title in zip(figure.axes, plots.KINDS, strict=True):
+        assert ax.get_title(loc="left") == title
+        assert "thousand" in ax.get_xlabel()
         assert ax.xaxis.get_major_formatter()(2500, 0) == "2.5"
-    assert learning.get_ylabel() == "discounted return"
-    assert learning.get_ylim() == greedy.get_ylim()
-    assert learning.get_xlim() == (0, ITERATIONS[-1])
+        assert (ax.get_xlim(), ax.get_ylim()) == ((0, 1000), (-0.02, 0.9))
     assert figure.get_suptitle() == "3 rooms"
-
-
-def test_a_figure_draws_the_mean_and_its_band(figure):
-    for ax, seed in zip(figure.axes, (0, 2), strict=True):
-        drawn, band = some("NT", seed), mean_interval(some("NT", seed).returns)
-        line = next(x for x in ax.get_lines() if x.get_label() == "NT")
-        np.testing.assert_allclose(line.get_xydata(), np.stack([ITERATIONS, band.centre], 1))
-        assert to_hex(line.get_color()) == drawn.colour.lower()
-        shade = next(x for x in ax.collections if isinstance(x, PolyCollection))
-        assert to_hex(shade.get_facecolor()[0]) == drawn.colour.lower()
-        assert 0 < shade.get_facecolor()[0, 3] < 0.5
-        corners = shade.get_paths()[0].vertices
-        for end in (band.low, band.high):
-            for corner in np.stack([ITERATIONS, end], 1):
-                assert np.abs(corners - corner).max(1).min() < 1e-9
-
-
-def test_a_figure_draws_the_optimum_dashed(figure):
-    for ax in figure.axes:
-        (line,) = [x for x in ax.get_lines() if x.get_label() == "planned optimum"]
-        assert line.get_linestyle() == "--"
-        assert set(line.get_ydata()) == {0.83}
-        assert ax.get_ylim()[0] < 0 < 0.83 < ax.get_ylim()[1]
-
-
-def test_a_figure_has_one_legend_that_names_every_curve_once(figure):
     (legend,) = figure.legends
     assert [x.get_text() for x in legend.get_texts()] == ["NT", "GVT", "planned optimum"]
-    assert all(ax.get_legend() is None for ax in figure.axes)
 
 
-def test_without_an_optimum_none_is_drawn():
+def line_of(ax: mpl.axes.Axes, label: str) -> mpl.lines.Line2D:
+    return next(x for x in ax.get_lines() if x.get_label() == label)
+
+
+def test_a_figure_draws_each_kind_of_return_with_its_band_and_the_optimum_dashed(figure):
+    for ax, kind in zip(figure.axes, ("learning", "greedy"), strict=True):
+        stored = STORED["NT"]
+        at, band = stored.iteration.values, mean_interval(stored[kind].values)
+        line = line_of(ax, "NT")
+        np.testing.assert_allclose(line.get_xydata(), np.stack([at, band.centre], 1))
+        shade = next(x for x in ax.collections if isinstance(x, PolyCollection))
+        assert to_hex(line.get_color()) == to_hex(shade.get_facecolor()[0]) == COLOURS["NT"]
+        assert 0 < shade.get_facecolor()[0, 3] < 0.5
+        corners = shade.get_paths()[0].vertices
+        for corner in np.concatenate([np.stack([at, end], 1) for end in band[1:]]):
+            assert np.abs(corners - corner).max(1).min() < 1e-9
+        dashed = line_of(ax, "planned optimum")
+        assert dashed.get_linestyle() == "--"
+        assert set(dashed.get_ydata()) == {0.75}
+
+
+def test_one_panel_is_enough_and_without_an_optimum_none_is_drawn():
+    assert len(plots.returns_figure(STORED, (0, 1), {"x": "greedy"}).axes) == 1
     ax = Figure().subplots()
-    draw_curves(ax, [some("GVT")])
-    assert [x.get_label() for x in ax.get_lines()] == ["GVT"]
-
-
-def test_one_panel_is_enough():
-    assert len(learning_figure({"learning": [some("NT")]}, 0.8, (0.0, 1.0)).axes) == 1
-
-
-def test_one_run_has_no_band_and_is_refused():
+    draw_curves(ax, plots.panels(STORED)["learning return"])
+    assert [x.get_label() for x in ax.get_lines()] == ["NT", "GVT"]
     with pytest.raises(ValueError, match="at least 2 runs"):
-        learning_figure(
-            {"learning": [curve("NT", "NT", ITERATIONS, np.zeros((1, 10)))]}, 0.8, (0.0, 1.0)
-        )
+        learning_figure(plots.panels({"NT": runs(0, count=1)}), 0.8, (0, 1))
 
 
-def test_the_look_ends_with_its_context():
-    before = dict(mpl.rcParams)
-    with look():
-        assert mpl.rcParams["axes.grid"]
-        assert dict(mpl.rcParams) != before
-    assert dict(mpl.rcParams) == before
+def test_another_start_is_drawn_dashed_in_the_colour_of_its_algorithm():
+    stored = {"GVT": runs(0), "GVT-span": runs(1), "1-MGVT": runs(2), "1-MGVT-mean": runs(3)}
+    figure = plots.starts_figure(stored, {"GVT": "span", "1-MGVT": "mean"}, (0, 1))
+    for ax, (label, start) in zip(figure.axes, (("GVT", "span"), ("1-MGVT", "mean")), strict=True):
+        assert label in ax.get_title(loc="left")
+        assert start in ax.get_title(loc="left")
+        first, second, _ = ax.get_lines()
+        assert to_hex(first.get_color()) == to_hex(second.get_color()) == COLOURS[label].lower()
+        assert (first.get_linestyle(), second.get_linestyle()) == ("-", "--")
+        for line, name in ((first, label), (second, f"{label}-{start}")):
+            np.testing.assert_allclose(line.get_ydata(), stored[name].learning.values.mean(0))
 
 
-def test_a_small_png_is_a_small_png(figure):
-    data = small_png(figure)
+def test_a_setting_stands_beside_the_same_runs_of_the_references(monkeypatch):
+    drawn = {}
+    real = plots.returns_figure
+    monkeypatch.setattr(
+        plots, "returns_figure", lambda shown, *a, **k: drawn.update(shown) or real(shown, *a, **k)
+    )
+    mine, thesis = runs(2, count=3, times=4), (1e-6, 0.5)
+    html = plots.setting_picture(STORED, mine, (1e-4, 0.5, 2), thesis, (0, 1))
+    assert list(drawn) == ["NT", "GVT", "2-MGVT"]
+    np.testing.assert_array_equal(drawn["GVT"].greedy, STORED["GVT"].greedy[:3, :4])
+    assert drawn["2-MGVT"] is mine
+    end = mine.learning.values[:, -1].mean()
+    alt, _ = picture_of(html)
+    assert all(x in alt for x in ("1e-04", "0.5", "2 comp", f"{end:.2f}"))
+
+
+def test_the_title_marks_the_settings_of_the_thesis():
+    thesis = (1e-6, 0.5)
+    own = [
+        x
+        for x in itertools.product((1e-6, 1e-5), (0.5, 1.0), (1, 2, 3))
+        if "thesis" in plots.setting_title(*x, thesis)
+    ]
+    assert own == [(*thesis, 1), (*thesis, 3)]
+
+
+def test_a_small_png_is_small_and_the_same_each_time(figure):
+    data = plots.small_png(figure)
+    assert data == plots.small_png(figure)
     with Image.open(io.BytesIO(data)) as picture:
         picture.verify()
-        assert picture.format == "PNG"
-        assert picture.mode == "P"
-        width, height = picture.size
-    assert width > height > 300
+        assert (picture.format, picture.mode) == ("PNG", "P")
+        assert picture.size[0] > picture.size[1] > 300
     # 45 settings of the sliders stay far below a page of 4 MB, also as base64
     assert len(data) < 50_000
 
 
-def test_the_same_figure_gives_the_same_png(figure):
-    assert small_png(figure) == small_png(figure)
-
-
-class Images(HTMLParser):
-    """The attributes of every element of a piece of HTML."""
-
-    def __init__(self, html: str) -> None:
-        super().__init__()
-        self.elements: list[tuple[str, dict[str, str | None]]] = []
-        self.text = ""
-        self.feed(html)
-
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self.elements.append((tag, dict(attrs)))
-
-    def handle_data(self, data: str) -> None:
-        self.text += data
+def picture_of(html: str) -> tuple[str, str]:
+    """Description and address of an <img> element, which must be all there is."""
+    alt, source = re.fullmatch(r'<img alt="([^"<]*)" style="[^"]*" src="([^"]*)">', html).groups()
+    return unescape(alt), source
 
 
 @pytest.mark.parametrize(
-    "alt",
-    [
-        "λ = 10^-6, ψ = 0.5",
-        'a "quoted" word',
-        "x < y & y > z",
-        "&quot;&lt;",
-        '"><script>alert(1)</script>',
-        "it's",
-        "",
-    ],
+    "alt", ['a "quoted" word', "x < y & y > z", "&quot;", '"><script>x</script>']
 )
 def test_an_image_carries_its_picture_and_its_description_whatever_it_says(alt):
     png = b"\x89PNG\x00\xff"
-    parsed = Images(image_html(png, alt))
-    ((tag, attributes),) = parsed.elements
-    assert tag == "img"
-    assert set(attributes) == {"alt", "src", "style"}
-    assert attributes["alt"] == alt
-    kind, _, data = attributes["src"].partition(",")
-    assert kind == "data:image/png;base64"
-    assert b64decode(data, validate=True) == png
-    assert parsed.text == ""
+    told, source = picture_of(plots.image_html(png, alt))
+    assert told == alt
+    assert source == f"data:image/png;base64,{b64encode(png).decode()}"

@@ -6,14 +6,16 @@ from pathlib import Path
 
 import pytest
 
-from vtlib.experiments import (
-    CAR,
-    CAR_SLIDERS,
+from vtlib.experiments.cartpole import (
     CARTPOLE,
     CARTPOLE_LATE,
     CARTPOLE_OTHER_SOURCES,
     CARTPOLE_SLIDERS,
-    MAZE_TARGETS,
+)
+from vtlib.experiments.experiment import Experiment
+from vtlib.experiments.maze import CORNERS, MAZE_TARGETS, MAZES
+from vtlib.experiments.mountain_car import CAR, CAR_SLIDERS
+from vtlib.experiments.rooms import (
     ROOMS_CHANGE,
     ROOMS_CHANGE_SLIDERS,
     ROOMS_EVALUATION,
@@ -21,8 +23,6 @@ from vtlib.experiments import (
     ROOMS_LIKELIHOOD_SLIDERS,
     ROOMS_SLIDERS,
 )
-from vtlib.experiments.experiment import Experiment
-from vtlib.experiments.mazes import CORNERS, MAZES
 
 BOOK = Path(__file__).resolve().parent.parent / "book"
 WORDS = {1: "one", 5: "five", 10: "ten", 20: "twenty", 50: "fifty"}

@@ -8,9 +8,8 @@ import pytest
 import torch
 from torch import Tensor
 
-from vtlib.envs.episodes import Episodes, GymEpisodes, RecordedEpisodes, Returns
-from vtlib.envs.rooms import Rooms
-from vtlib.streams import Stream
+from vtlib.envs.episodes import Episodes, GymEpisodes, Returns
+from vtlib.rng import Stream
 
 
 class Counters:
@@ -34,13 +33,16 @@ class Counters:
     def observe(self, state: Tensor) -> Tensor:
         return 10 * state
 
+    def select(self, index: list[int]) -> Counters:
+        return Counters(self._ends[index].tolist())
+
 
 NEVER = 99
 
 
-def episodes(ends: list[int], runs: list[int] | None = None, window: int = 50) -> Episodes:
+def episodes(ends: list[int], runs: list[int] | None = None, **options) -> Episodes:
     names = list(range(len(ends))) if runs is None else runs
-    return Episodes(Counters(ends), Stream("t", names, "n"), Stream("t", names, "s"), window)
+    return Episodes(Counters(ends), Stream("t", names, "n"), Stream("t", names, "s"), **options)
 
 
 def still(runs: int) -> Tensor:
@@ -52,13 +54,16 @@ def test_a_terminal_state_ends_an_episode_and_the_next_begins():
     assert lock.fresh.tolist() == [True, True]
     counts, flags = [], []
     for _ in range(6):
-        transition = lock.step(still(2))
+        before, transition = lock.obs.clone(), lock.step(torch.tensor([1, 2]))
         # the transition shows where the episode ended, obs where the next begins
+        assert torch.equal(transition.obs, before)
+        assert transition.reward.tolist() == [2.0, 3.0]
         counts.append((transition.next_obs[:, 1] / 10).tolist())
-        flags.append((transition.terminal.tolist(), lock.fresh.tolist()))
+        flags.append((transition.terminated.tolist(), lock.fresh.tolist()))
         assert torch.equal(lock.fresh, lock.obs[:, 1] == 0)
+        assert torch.equal(lock.obs[~lock.fresh], transition.next_obs[~lock.fresh])
     assert counts == [[1, 1], [2, 2], [1, 3], [2, 1], [1, 2], [2, 3]]
-    assert [terminal for terminal, _ in flags] == [fresh for _, fresh in flags]
+    assert [ended for ended, _ in flags] == [fresh for _, fresh in flags]
     assert flags[1] == ([True, False], [True, False])
     assert flags[2] == ([False, True], [False, True])
 
@@ -67,37 +72,9 @@ def test_the_horizon_truncates_without_a_terminal_state():
     lock = episodes([NEVER])
     for t in range(1, 11):
         transition = lock.step(still(1))
-        assert not transition.terminal.any()
+        assert not transition.terminated.any()
         assert transition.next_obs[0, 1] == 10 * (1 + (t - 1) % 5)
         assert lock.fresh.item() == (t % 5 == 0)
-
-
-def test_a_terminal_state_at_the_horizon_is_terminal():
-    lock = episodes([5])
-    last = [lock.step(still(1)) for _ in range(5)][-1]
-    assert last.terminal.item()
-
-
-def test_transitions_chain_within_an_episode():
-    lock = episodes([2, NEVER])
-    for _ in range(12):
-        before, fresh = lock.obs.clone(), lock.fresh
-        transition = lock.step(torch.tensor([1, 2]))
-        assert torch.equal(transition.obs, before)
-        assert torch.equal(transition.action, torch.tensor([1, 2]))
-        assert torch.equal(transition.reward, torch.tensor([2.0, 3.0]))
-        if fresh.any():
-            assert not transition.obs[fresh][:, 1].any()
-        assert torch.equal(lock.obs[~lock.fresh], transition.next_obs[~lock.fresh])
-
-
-def test_every_episode_has_its_own_start():
-    lock = episodes([1])
-    starts = []
-    for _ in range(20):
-        starts.append(lock.obs[0, 0].item())
-        lock.step(still(1))
-    assert len(set(starts)) == 20
 
 
 def test_starts_do_not_depend_on_the_neighbours_episodes():
@@ -106,31 +83,6 @@ def test_starts_do_not_depend_on_the_neighbours_episodes():
         assert torch.equal(together.obs[1], alone.obs[0])
         together.step(still(3))
         alone.step(still(1))
-
-
-def test_learning_return_is_the_mean_of_the_last_finished_episodes():
-    lock = episodes([2, NEVER], window=3)
-    assert lock.returns.mean().tolist() == [0.0, 0.0]
-    finished = []
-    for k in range(6):
-        assert lock.returns.mean()[0].item() == pytest.approx(
-            sum(finished[-3:]) / max(1, len(finished[-3:]))
-        )
-        for _ in range(2):
-            lock.step(torch.tensor([k, 0]) % 3)
-        finished.append((1 + k % 3) * (1 + 0.5))
-    assert lock.returns.mean()[0].item() == pytest.approx(sum(finished[-3:]) / 3)
-    # two truncated episodes of five rewards of one
-    assert lock.returns.mean()[1].item() == pytest.approx((1 - 0.5**5) / 0.5)
-
-
-def test_learning_return_is_zero_before_the_first_end_of_an_episode():
-    returns = Returns(2, 0.9, window=4)
-    for _ in range(3):
-        returns.add(torch.ones(2), torch.tensor([False, False]))
-        assert returns.mean().tolist() == [0.0, 0.0]
-    returns.add(torch.ones(2), torch.tensor([False, True]))
-    assert returns.mean().tolist() == pytest.approx([0.0, 1 + 0.9 + 0.81 + 0.729])
 
 
 def test_learning_return_against_a_plain_list():
@@ -151,50 +103,26 @@ def test_learning_return_against_a_plain_list():
         assert returns.mean().tolist() == pytest.approx(expected, abs=1e-5)
 
 
-# --- episodes that keep where they went --------------------------------------------------------
-
-
-def rooms_episodes(kind: type[Episodes]) -> Episodes:
-    tasks = Rooms.from_doors([[5.0], [2.0], [8.0]], uniform_start=True)
-    return kind(tasks, Stream("t", range(3), "n"), Stream("t", range(3), "s"), window=4)
-
-
-def test_keeping_visits_changes_no_transition():
-    plain, kept = rooms_episodes(Episodes), rooms_episodes(RecordedEpisodes)
-    # up and right twice as often as back: the goal is reached, so that returns differ
-    moves = torch.tensor([0, 0, 1, 1, 2, 3])
-    picks = torch.randint(6, (600, 3), generator=torch.Generator().manual_seed(0))
-    for action in moves[picks]:
-        ours, theirs = kept.step(action), plain.step(action)
-        assert all(map(torch.equal, ours, theirs))
+def test_recording_changes_nothing_and_holds_what_was_arrived_at():
+    plain, kept = episodes([2, NEVER]), episodes([2, NEVER], record=True)
+    for action in torch.randint(3, (6, 2), generator=torch.Generator().manual_seed(0)):
+        assert all(map(torch.equal, kept.step(action), plain.step(action)))
         assert torch.equal(kept.obs, plain.obs)
-        assert torch.equal(kept.fresh, plain.fresh)
-    assert torch.equal(kept.returns.mean(), plain.returns.mean())
-    assert plain.returns.mean().any()
-
-
-def test_visits_are_the_states_arrived_at_in_order():
-    kept = rooms_episodes(RecordedEpisodes)
-    actions = torch.randint(4, (120, 3), generator=torch.Generator().manual_seed(1))
-    # copied at once: what is kept must not change as episodes go on
-    arrived = [kept.step(action).next_obs.clone() for action in actions]
-    assert kept.visited.shape == (3, 120, 2)
-    for t, positions in enumerate(arrived):
-        assert torch.equal(kept.visited[:, t], positions)
-    before = kept.visited
-    kept.step(still(3))
-    assert kept.visited.shape == (3, 121, 2)
-    assert torch.equal(kept.visited[:, :120], before)
-
-
-def test_visits_hold_the_end_of_an_episode_and_not_the_next_start():
-    kept = RecordedEpisodes(
-        Counters([2, NEVER]), Stream("t", [0, 1], "n"), Stream("t", [0, 1], "s")
-    )
-    for _ in range(6):
-        kept.step(still(2))
     # run 0 ends at its second step, run 1 at the horizon of five; a start would be a zero
     assert (kept.visited[..., 1] / 10).tolist() == [[1, 2, 1, 2, 1, 2], [1, 2, 3, 4, 5, 1]]
+
+
+def test_runs_that_are_kept_go_on_as_before():
+    whole, part = episodes([2, 3, NEVER], record=True), episodes([2, 3, NEVER], record=True)
+    for t in range(12):
+        whole.step(still(3))
+        part.step(still(len(part.obs)))
+        if t == 4:
+            part.keep([2, 0])
+    assert torch.equal(part.obs, whole.obs[[2, 0]])
+    assert torch.equal(part.fresh, whole.fresh[[2, 0]])
+    assert torch.equal(part.visited, whole.visited[[2, 0]])
+    assert torch.equal(part.returns.mean(), whole.returns.mean()[[2, 0]])
 
 
 # --- ordinary Gymnasium environments -----------------------------------------------------------
@@ -218,27 +146,17 @@ def test_gym_episodes_equal_a_loop_over_each_environment():
             after, reward, terminated, truncated, _ = env.step(actions[t, r].item())
             assert np.array_equal(transition.next_obs[r], after)
             assert transition.reward[r] == reward
-            assert transition.terminal[r] == terminated
+            assert transition.terminated[r] == terminated
             obs = env.reset()[0] if terminated or truncated else after
     ends = torch.stack([fresh for *_, fresh in seen]).sum(0)
     assert (ends > 2).all()
-
-
-def test_gym_episodes_types_and_shapes():
-    lock = GymEpisodes(cartpoles(3), seeds=[0, 1, 2])
-    assert lock.fresh.tolist() == [True] * 3
-    transition = lock.step(torch.tensor([0, 1, 0]))
-    kinds = [torch.float32, torch.int64, torch.float32, torch.float32, torch.bool]
-    assert [part.dtype for part in transition] == kinds
-    assert [tuple(part.shape) for part in transition] == [(3, 4), (3,), (3,), (3, 4), (3,)]
-    assert lock.fresh.tolist() == [False] * 3
 
 
 def test_gym_truncation_is_not_terminal():
     lock = GymEpisodes(cartpoles(1, limit=4), seeds=[0], gamma=0.9)
     for t in range(1, 13):
         transition = lock.step(torch.tensor([t % 2]))
-        assert not transition.terminal.item()
+        assert not transition.terminated.item()
         assert lock.fresh.item() == (t % 4 == 0)
     assert lock.returns.mean().item() == pytest.approx(1 + 0.9 + 0.81 + 0.729)
 
@@ -264,19 +182,13 @@ class Reuses(gymnasium.Env):
         return self._obs, 0.0, bool(self._obs[0] >= 3), False, {}
 
 
-def test_gym_observations_survive_the_next_reset():
-    lock = GymEpisodes([Reuses()], seeds=[0])
-    seen = [lock.step(torch.tensor([0])) for _ in range(4)]
-    assert [t.obs.item() for t in seen] == [0, 1, 2, 0]
-    assert [t.next_obs.item() for t in seen] == [1, 2, 3, 1]
-
-
-def test_gym_actions_count_from_the_start_of_the_space():
+def test_gym_observations_survive_the_next_reset_and_actions_count_from_the_spaces_start():
     env = Reuses()
     lock = GymEpisodes([env], seeds=[0])
-    for action in (0, 1):
-        lock.step(torch.tensor([action]))
-    assert env.actions == [3, 4]
+    seen = [lock.step(torch.tensor([action])) for action in (0, 1, 0, 1)]
+    assert [t.obs.item() for t in seen] == [0, 1, 2, 0]
+    assert [t.next_obs.item() for t in seen] == [1, 2, 3, 1]
+    assert env.actions == [3, 4, 3, 4]
 
 
 class Spaces(Reuses):
@@ -291,27 +203,21 @@ BOX, TWO = gymnasium.spaces.Box(-1, 1, (1,), np.float32), gymnasium.spaces.Discr
 
 
 @pytest.mark.parametrize(
-    "observations",
-    [TWO, gymnasium.spaces.Box(-1, 1, (2, 2)), gymnasium.spaces.Dict({"a": BOX})],
-    ids=["discrete", "two axes", "dict"],
+    ("observations", "actions", "message"),
+    [
+        (TWO, TWO, "one-dimensional Box observation space, got"),
+        (gymnasium.spaces.Box(-1, 1, (2, 2)), TWO, "one-dimensional Box observation space, got"),
+        (BOX, BOX, "Discrete action space, got"),
+    ],
 )
-def test_gym_observations_must_be_a_vector(observations):
-    with pytest.raises(ValueError, match="one-dimensional Box observation space, got"):
-        GymEpisodes([Spaces(observations, TWO)], seeds=[0])
+def test_gym_observations_are_a_vector_and_actions_discrete(observations, actions, message):
+    with pytest.raises(ValueError, match=message):
+        GymEpisodes([Spaces(observations, actions)], seeds=[0])
 
 
-@pytest.mark.parametrize("actions", [BOX, gymnasium.spaces.MultiDiscrete([2, 2])])
-def test_gym_actions_must_be_discrete(actions):
-    with pytest.raises(ValueError, match="Discrete action space, got"):
-        GymEpisodes([Spaces(BOX, actions)], seeds=[0])
-
-
-def test_gym_environments_must_have_equal_spaces():
+def test_gym_needs_equal_spaces_and_one_seed_for_each_environment():
     other = Spaces(BOX, gymnasium.spaces.Discrete(3))
     with pytest.raises(ValueError, match="same"):
         GymEpisodes([Spaces(BOX, TWO), other], seeds=[0, 1])
-
-
-def test_gym_needs_one_seed_for_each_environment():
     with pytest.raises(ValueError):
         GymEpisodes(cartpoles(2), seeds=[0])

@@ -1,9 +1,10 @@
-"""The Gymnasium environments: the API's own check, and one behaviour for single and vectorised."""
+"""One contract for all Gymnasium environments, and Gymnasium's own where there is one."""
 
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable
+import warnings
+from typing import Any, NamedTuple
 
 import gymnasium
 import numpy as np
@@ -11,192 +12,189 @@ import pytest
 import torch
 from gymnasium.error import ResetNeeded
 from gymnasium.utils.env_checker import check_env
-from gymnasium.vector import AutoresetMode, SyncVectorEnv
-from matplotlib.figure import Figure
 
-import vtlib.envs
-from vtlib.envs.draw import draw_rooms
-from vtlib.envs.gym import RoomsEnv, RoomsVectorEnv
-from vtlib.envs.rooms import Rooms
+from vtlib.envs import parse_maze
+from vtlib.envs.cartpole.gym import CartpoleEnv
+from vtlib.envs.maze.gym import MazeEnv
+from vtlib.envs.mountain_car.gym import MountainCarEnv
+from vtlib.envs.rooms.gym import RoomsEnv
 
-HEADINGS = (
-    "Description",
-    "Observation Space",
-    "Action Space",
-    "Transition Dynamics",
-    "Reward",
-    "Starting State",
-    "Episode End",
-    "Arguments",
-    "Version History",
-)
+OPEN = parse_maze("." * 9 + "G\n" + ("." * 10 + "\n") * 9, "open")
+HEADINGS = "Description, Observation Space, Action Space, Transition Dynamics, Reward, "
+HEADINGS += "Starting State, Episode End, Arguments"
 
 
-def rollout(env: gymnasium.Env, seed: int, steps: int = 120) -> list[tuple[object, ...]]:
-    """Everything the environment returns under one fixed sequence of actions."""
-    actions = np.random.default_rng(7).integers(4, size=steps)
-    log: list[tuple[object, ...]] = [(env.reset(seed=seed)[0].tolist(),)]
-    for action in actions:
-        observation, reward, terminated, truncated, _ = env.step(action)
-        log.append((observation.tolist(), reward, terminated, truncated))
+class Case(NamedTuple):
+    """An environment, its horizon, a picture's shape, and arguments that make episodes end."""
+
+    kind: type
+    horizon: int
+    picture: tuple[int, int, int]
+    arguments: dict[str, Any]
+
+
+CASES = {
+    "Rooms": Case(RoomsEnv, 50, (400, 400, 3), {"doors": (5.0,), "uniform_start": True}),
+    "Cartpole": Case(CartpoleEnv, 100, (300, 600, 3), {"cart_mass": 0.5, "half_length": 1.0}),
+    "MountainCar": Case(MountainCarEnv, 200, (400, 600, 3), {"speed": 0.0015}),
+    "Maze": Case(MazeEnv, 100, (400, 400, 3), {"maze": OPEN}),
+}
+every_env = pytest.mark.parametrize("name", CASES)
+
+
+def some_skill(name: str, seen: np.ndarray, whim: float) -> np.ndarray:
+    """Actions that reach a terminal state now and then, from observations (..., obs_dim)."""
+    if name == "Rooms":
+        return np.where(seen[..., 0] < 10 * whim, 1, 0)
+    if name == "Cartpole":
+        return (seen[..., 2] + seen[..., 3] > 0.4 * (whim > 0.5)).astype(np.int64)
+    if name == "MountainCar":
+        return np.where(seen[..., 1] < 0, 0, 2)
+    return np.where(seen[..., 8] < 0.6, 1, np.where(whim < 0.1, 2, 0))
+
+
+def rollout(name: str, seed: int, env: gymnasium.Env, steps: int = 400) -> list[tuple]:
+    """Everything the environment returns when actions depend on what is seen and on chance."""
+    seen, rng = env.reset(seed=seed)[0], np.random.default_rng(7)
+    log: list[tuple] = [(seen.tolist(),)]
+    for whim in rng.random(steps):
+        action = int(some_skill(name, seen, whim))
+        seen[...] = 99.0  # what was returned is the caller's to change
+        seen, reward, terminated, truncated, _ = env.step(action)
+        assert env.observation_space.contains(seen)
+        log.append((seen.tolist(), reward, terminated, truncated))
         if terminated or truncated:
-            log.append((env.reset()[0].tolist(),))
+            seen = env.reset()[0]
+            log.append((seen.tolist(),))
     return log
 
 
-@pytest.mark.parametrize("options", [{}, {"doors": (3.0,)}, {"uniform_start": True}])
-def test_the_environment_passes_gymnasiums_check(options: dict[str, object]) -> None:
-    check_env(gymnasium.make("vtlib/Rooms-v0", render_mode="rgb_array", **options).unwrapped)
+@every_env
+def test_the_environment_passes_gymnasiums_check(name: str) -> None:
+    env = gymnasium.make(f"vtlib/{name}-v0", render_mode="rgb_array").unwrapped
+    assert type(env) is CASES[name].kind
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        check_env(env)
+    # Gymnasium's own CartPole-v1 has velocities without bounds too.
+    assert [w for w in caught if name != "Cartpole" or "infinity" not in str(w.message)] == []
 
 
-def test_it_is_registered_with_both_entry_points() -> None:
-    assert vtlib.envs.Rooms is Rooms
-    assert isinstance(gymnasium.make("vtlib/Rooms-v0").unwrapped, RoomsEnv)
-    vector = gymnasium.make_vec("vtlib/Rooms-v0", num_envs=3, doors=(2.0,))
-    assert isinstance(vector, RoomsVectorEnv)
-    assert vector.num_envs == 3
-    assert vector.tasks.doors.tolist() == [[2.0]] * 3
-    assert vector.metadata["autoreset_mode"] is AutoresetMode.NEXT_STEP
+@every_env
+def test_the_docstring_has_gymnasiums_headings(name: str) -> None:
+    lines = inspect.getdoc(CASES[name].kind).splitlines()
+    assert ", ".join(line[3:] for line in lines if line.startswith("## ")) == HEADINGS
 
 
-def test_the_docstring_has_gymnasiums_headings() -> None:
-    lines = inspect.getdoc(RoomsEnv).splitlines()
-    assert [line[3:] for line in lines if line.startswith("## ")] == list(HEADINGS)
+@every_env
+def test_equal_seeds_give_equal_rollouts_and_others_do_not(name: str) -> None:
+    kind, _, _, arguments = CASES[name]
+    first = rollout(name, 5, kind(**arguments, horizon=60))
+    assert first == rollout(name, 5, kind(**arguments, horizon=60))
+    assert first != rollout(name, 6, kind(**arguments, horizon=60))
+    assert any(entry[2] for entry in first if len(entry) == 4)
 
 
-def test_equal_seeds_give_equal_rollouts_and_others_do_not() -> None:
-    first = rollout(RoomsEnv(uniform_start=True), seed=5)
-    assert first == rollout(RoomsEnv(uniform_start=True), seed=5)
-    assert first != rollout(RoomsEnv(uniform_start=True), seed=6)
+@every_env
+def test_a_row_of_make_vec_is_a_single_environment_of_that_seed(name: str) -> None:
+    kind, _, _, arguments = CASES[name]
+    vector = gymnasium.make_vec(f"vtlib/{name}-v0", num_envs=3, horizon=60, **arguments)
+    singles = [kind(**arguments, horizon=60) for _ in range(3)]
+    seen = vector.reset(seed=11)[0]
+    expected = [env.reset(seed=11 + row)[0] for row, env in enumerate(singles)]
+    over = np.zeros(3, dtype=bool)
+    terminations = truncations = 0
+    for whim in np.random.default_rng(1).random(250):
+        np.testing.assert_array_equal(seen, expected)
+        actions = some_skill(name, seen, whim)
+        seen, rewards, terminated, truncated, _ = vector.step(actions)
+        for row, env in enumerate(singles):
+            if over[row]:  # a row starts anew on the step after an episode's last
+                expected[row], outcome = env.reset()[0], (0.0, False, False)
+            else:
+                expected[row], *outcome, _ = env.step(int(actions[row]))
+            assert (rewards[row], terminated[row], truncated[row]) == tuple(outcome)
+        over = terminated | truncated
+        terminations, truncations = terminations + terminated.sum(), truncations + truncated.sum()
+    assert terminations > 0
+    assert truncations > 0 or name == "MountainCar"
 
 
-@pytest.mark.parametrize("uniform_start", [False, True])
-def test_the_vectorised_environment_is_the_single_one_many_times(uniform_start: bool) -> None:
-    doors = [[2.0, 7.0], [5.0, 5.0], [9.5, 0.5], [6.0, 9.0]]
-
-    def single(row: int) -> Callable[[], RoomsEnv]:
-        return lambda: RoomsEnv(doors[row], uniform_start, horizon=20)
-
-    ours = RoomsVectorEnv(4, doors, uniform_start, horizon=20)
-    theirs = SyncVectorEnv([single(row) for row in range(4)])
-    assert np.array_equal(ours.reset(seed=11)[0], theirs.reset(seed=11)[0])
-    rng = np.random.default_rng(0)
-    ended = 0
-    for _ in range(300):
-        # UP and RIGHT mostly, so that goals are met as well as horizons.
-        actions = rng.choice(4, size=4, p=[0.4, 0.4, 0.1, 0.1])
-        left, right = ours.step(actions), theirs.step(actions)
-        for a, b in zip(left[:4], right[:4], strict=True):
-            assert np.array_equal(a, b)
-            assert a.dtype == b.dtype
-        ended += int(left[2].sum())
-    assert ended > 0 or not uniform_start
+@every_env
+def test_a_rollout_is_the_dynamics_under_the_environments_own_noise(name: str) -> None:
+    env = CASES[name].kind(**CASES[name].arguments)
+    first = env.reset(seed=2)[0]
+    rng, tasks = np.random.default_rng(env.np_random.bit_generator.seed_seq), env.tasks
+    state = tasks.start(torch.from_numpy(rng.random((1, tasks.start_dim), np.float32)))
+    assert np.array_equal(first, tasks.observe(state)[0])
+    for action in (0, 1, 0, 1, 0, 0, 1):
+        noise = torch.from_numpy(rng.standard_normal((1, tasks.noise_dim), np.float32))
+        state, *outcome = tasks.step(state, torch.tensor([action]), noise)
+        seen, *ours, _, _ = env.step(action)
+        assert np.array_equal(seen, tasks.observe(state)[0])
+        assert ours == [x.item() for x in outcome]
 
 
-def test_a_rollout_is_the_dynamics_under_the_environments_own_noise() -> None:
-    env, tasks = RoomsEnv((4.0, 6.0)), Rooms.from_doors([[4.0, 6.0]])
-    env.reset(seed=2)
-    rng = np.random.default_rng(env.np_random.bit_generator.seed_seq)
-    state = tasks.start(torch.from_numpy(rng.random((1, 2), np.float32)))
-    for action in (0, 1, 0, 1, 0, 0, 3, 2, 1):
-        noise = torch.from_numpy(rng.standard_normal((1, 2), np.float32))
-        state, _, _ = tasks.step(state, torch.tensor([action]), noise)
-        assert np.array_equal(env.step(action)[0], state[0].numpy())
+@pytest.mark.parametrize(
+    ("name", "id", "actions"),
+    [
+        ("Cartpole", "CartPole-v1", [0, 1, 1, 0, 1, 0, 0, 1, 0]),
+        ("MountainCar", "MountainCar-v0", [0] * 20 + [2] * 30 + [1] * 10),
+    ],
+)
+def test_the_defaults_are_gymnasiums_own(name: str, id: str, actions: list[int]) -> None:
+    ours, theirs = CASES[name].kind(), gymnasium.make(id).unwrapped
+    first, _ = ours.reset(seed=3)
+    theirs.reset(seed=0)
+    theirs.state = tuple(first.astype(np.float64))
+    for action in actions:
+        np.testing.assert_allclose(ours.step(action)[0], theirs.step(action)[0], atol=1e-5)
 
 
-def test_the_horizon_truncates_and_does_not_terminate() -> None:
-    env = gymnasium.make("vtlib/Rooms-v0")
-    env.reset(seed=0)
-    ends = [env.step(3)[2:4] for _ in range(50)]
-    assert ends == [(False, False)] * 49 + [(False, True)]
-
-
-def test_the_goal_terminates_with_reward_one() -> None:
-    env = RoomsEnv((9.5, 9.5), uniform_start=True)
-    rng = np.random.default_rng(0)
-    rewards = []
-    for seed in range(40):
-        env.reset(seed=seed)
-        terminated = truncated = False
-        while not (terminated or truncated):
-            _, reward, terminated, truncated, _ = env.step(rng.choice(2))
-            assert reward == float(terminated)
-        rewards.append(reward)
-    assert sum(rewards) > 0
-
-
-def test_an_ended_episode_needs_a_reset() -> None:
-    env = RoomsEnv(horizon=1)
+@every_env
+def test_the_horizon_truncates_and_an_ended_episode_needs_a_reset(name: str) -> None:
+    kind, horizon, *_ = CASES[name]
+    assert gymnasium.make(f"vtlib/{name}-v0").unwrapped.horizon == horizon
+    env, count = kind(horizon=4), int(kind().action_space.n)
     with pytest.raises(ResetNeeded):
         env.step(0)
-    with pytest.raises(ResetNeeded):
-        RoomsVectorEnv(1).step(np.array([0]))
     env.reset(seed=0)
-    env.step(0)
+    for action in (count, -1, 0.5):
+        with pytest.raises(ValueError, match=f"action must be an integer in 0..{count - 1}"):
+            env.step(action)
+    assert [env.step(1)[2:4] for _ in range(4)] == [(False, False)] * 3 + [(False, True)]
     with pytest.raises(ResetNeeded):
         env.step(0)
 
 
-def test_what_is_returned_is_the_callers_to_change() -> None:
-    for env, action in ((RoomsEnv(), 0), (RoomsVectorEnv(2), np.zeros(2, dtype=np.int64))):
-        env.reset(seed=0)
-        env.step(action)[0][...] = 99.0
-        assert env.step(action)[0].max() < 10
-
-
-def test_pictures() -> None:
-    env = RoomsEnv(render_mode="rgb_array")
-    assert RoomsEnv().render() is None
-    assert RoomsVectorEnv().render() is None
+@every_env
+def test_pictures(name: str) -> None:
+    kind, _, shape, _ = CASES[name]
+    env = kind(render_mode="rgb_array")
+    assert kind().render() is None
     with pytest.raises(ResetNeeded):
         env.render()
     env.reset(seed=0)
     before = env.render()
-    env.step(1)
-    after = env.render()
-    assert before.shape == (400, 400, 3)
+    for _ in range(5):
+        env.step(0)
+    assert before.shape == shape
     assert before.dtype == np.uint8
-    assert not np.array_equal(before, after)
-    vector = RoomsVectorEnv(2, render_mode="rgb_array")
-    with pytest.raises(ResetNeeded):
-        vector.render()
-    vector.reset(seed=0)
-    assert [picture.shape for picture in vector.render()] == [(400, 400, 3)] * 2
-
-
-def test_the_drawing_leaves_the_doors_open() -> None:
-    ax = Figure().add_subplot()
-    draw_rooms(ax, Rooms.from_doors([[5.0, 5.0], [2.0, 7.0]]), 1)
-    walls = [line.get_xydata().tolist() for line in ax.lines if len(line.get_xdata()) == 2]
-    gaps = [(left[1][0], right[0][0]) for left, right in zip(walls[::2], walls[1::2], strict=True)]
-    assert gaps == [(1.5, 2.5), (6.5, 7.5)]
+    assert not np.array_equal(before, env.render())
 
 
 @pytest.mark.parametrize(
-    ("options", "message"),
+    ("name", "options", "message"),
     [
-        ({"doors": (0.0, 5.0)}, "doors must lie in"),
-        ({"doors": ((5.0, 5.0), (5.0, 5.0))}, "doors must have shape"),
-        ({"horizon": 0}, "horizon must be a whole number from 1 .*, got 0"),
-        ({"render_mode": "human"}, "render_mode must be None or one of"),
+        ("Rooms", {"doors": (0.0, 5.0)}, "doors must lie in"),
+        ("Rooms", {"doors": ((5.0, 5.0), (5.0, 5.0))}, "doors must have shape"),
+        ("Cartpole", {"cart_mass": 0.0}, "cart_mass must be positive and finite, got 0"),
+        ("Cartpole", {"half_length": [1.0, 1.0]}, "half_length must be a number or have shape"),
+        ("Maze", {"maze": "north 1"}, "maze must be one of .*, got 'north 1'"),
+        *((name, {"horizon": 0}, "horizon must be a whole number from 1") for name in CASES),
+        *((name, {"render_mode": "human"}, "render_mode must be None or") for name in CASES),
     ],
 )
-def test_bad_arguments(options: dict[str, object], message: str) -> None:
+def test_bad_arguments(name: str, options: dict[str, Any], message: str) -> None:
     with pytest.raises(ValueError, match=message):
-        RoomsEnv(**options)  # type: ignore[arg-type]
-    with pytest.raises(ValueError, match=message):
-        RoomsVectorEnv(3, **options)  # type: ignore[arg-type]
-
-
-def test_bad_actions_and_counts() -> None:
-    env, vector = RoomsEnv(), RoomsVectorEnv(2)
-    env.reset(seed=0)
-    vector.reset(seed=0)
-    for action in (4, -1, 0.5):
-        with pytest.raises(ValueError, match=r"action must be an integer in 0..3"):
-            env.step(action)
-    for actions in ([0], [0, 4], [0.5, 0.5]):
-        with pytest.raises(ValueError, match=r"actions must be 2 integers in 0..3"):
-            vector.step(np.array(actions))
-    with pytest.raises(ValueError, match=r"num_envs must be a whole number from 1 .*, got 0"):
-        RoomsVectorEnv(0)
+        CASES[name].kind(**options)

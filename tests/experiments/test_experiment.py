@@ -1,0 +1,148 @@
+"""Configurations: what is refused, by the name of its field, and what follows from the fields."""
+
+from __future__ import annotations
+
+import math
+
+import attrs
+import pytest
+from attrs import evolve
+
+from vtlib.baselines import LearnerSettings, MellowTDSettings
+from vtlib.envs.cartpole import CartpoleFamily
+from vtlib.envs.maze import MazeFamily
+from vtlib.envs.rooms import RoomsFamily
+from vtlib.experiments.experiment import Experiment, Pool, slider_lambdas, slider_name, sliders_of
+from vtlib.transfer import Settings
+
+NO_WHOLE = [0, -1, 1.0, True, "3", None, 10**10, math.nan]
+NO_NAME = ["", " ", "..", "a/b", "a\nb", "\u2028", 3, None]
+NO_BOOL = [0, 1, "True", None]
+NO_KIND = [None, 3, "rooms", object]
+POOL = {
+    "name": NO_NAME,
+    "family": NO_KIND,
+    "count": NO_WHOLE,
+    "iterations": NO_WHOLE,
+    "limit": NO_WHOLE,
+    "check_every": NO_WHOLE,
+    "episodes": NO_WHOLE,
+    "required": [-0.1, 1.1, math.nan, "0.5", True, None],
+    "attempts": NO_WHOLE,
+    # settings without an agent, and those of an algorithm that transfers
+    "settings": [*NO_KIND, LearnerSettings(5), Settings()],
+    "common": NO_BOOL,
+    "as_targets": NO_BOOL,
+    "stream": NO_NAME,
+}
+NT = MellowTDSettings(epsilon_steps=100)
+EXPERIMENT = {
+    "name": NO_NAME,
+    "pool": NO_KIND,
+    "family": [*NO_KIND, RoomsFamily()],
+    "algorithms": [*NO_KIND, {}, {"NT": 3}, {"NT": LearnerSettings(5)}, {"": NT}, {"tasks": NT}],
+    "runs": [*NO_WHOLE, 2],  # not divided by the runs of a task
+    "sources": [*NO_WHOLE, 4, 2],  # more than are eligible; fewer than an algorithm uses
+    "iterations": [*NO_WHOLE, 10],  # fewer than one record
+    "every": [*NO_WHOLE, 221],
+    "stream": NO_NAME,
+    "runs_per_task": [*NO_WHOLE, 2, 6],
+    "counts": [None, {"3-MGVT": 1}, {"NT": 0}, {"NT": 4}, {"NT": 1.0}],
+    "visits": NO_BOOL,
+    "excluded": [None, 1, [1], (3,), (-1,), (1.0,), (True,), (0,)],  # too few would be left
+    "probes": [-1, 1.0, True, None, 5],  # 5 only where all transfer
+}
+
+
+def cases(table):
+    return [(name, value) for name, values in table.items() for value in values]
+
+
+@pytest.fixture
+def whole(tiny):
+    """The tiny experiment with three sources, all of which NT uses."""
+    return evolve(tiny, sources=3, runs_per_task=3, counts={"NT": 3})
+
+
+@pytest.mark.parametrize(("name", "value"), cases(POOL))
+def test_a_bad_field_of_a_pool_is_refused_by_its_name(tiny, name, value):
+    refused(tiny.pool, name, value)
+
+
+@pytest.mark.parametrize(("name", "value"), cases(EXPERIMENT))
+def test_a_bad_field_of_an_experiment_is_refused_by_its_name(whole, name, value):
+    refused(whole, name, value)
+
+
+def refused(config, name, value):
+    with pytest.raises(ValueError, match="must") as caught:
+        evolve(config, **{name: value})
+    message = str(caught.value)
+    others = {"iterations": "every", "runs": "runs_per_task", "sources": "counts"}
+    assert name in message or others.get(name, "sources") in message
+    assert len(message.splitlines()) == 1
+    assert "got " in message
+
+
+@pytest.mark.parametrize(("config", "table"), [(Pool, POOL), (Experiment, EXPERIMENT)])
+def test_every_field_has_values_that_are_refused(config, table):
+    assert [field.name for field in attrs.fields(config)] == list(table)
+
+
+def test_a_pool_cannot_have_more_sources_than_its_family_names():
+    mazes = MazeFamily(("north-east 1", "south-west 2"))
+    Pool("mazes", mazes, count=2)
+    with pytest.raises(ValueError, match="count must not exceed the tasks of the family, got 3"):
+        Pool("mazes", mazes, count=3)
+
+
+def test_an_algorithm_must_be_of_an_attrs_class(tiny):
+    class Loose:
+        transfers = False
+
+        def agent(self, *_):
+            raise NotImplementedError
+
+    with pytest.raises(ValueError, match="settings must be of an attrs class"):
+        evolve(tiny.pool, settings=Loose())
+
+
+def test_a_stream_is_the_name_unless_it_is_told():
+    pool = Pool("a", CartpoleFamily())
+    assert pool.stream == "a"
+    # what is derived from another pool shares its tasks and its random numbers
+    assert evolve(pool, name="b").stream == "a"
+    assert Pool("b", CartpoleFamily(), stream="c").stream == "c"
+
+
+def test_consecutive_runs_have_one_task(tiny):
+    shared = evolve(tiny, runs=6, runs_per_task=3)
+    assert [shared.task_of(run) for run in range(6)] == [0, 0, 0, 1, 1, 1]
+
+
+def test_an_algorithm_uses_all_eligible_sources_unless_told_otherwise(tiny):
+    few = evolve(tiny, excluded=(1,), counts={"GVT": 1})
+    assert few.eligible == [0, 2]
+    assert [few.sources_of(label) for label in few.algorithms] == [2, 2, 1, 2]
+
+
+def test_sliders_are_a_grid_around_the_thesis_setting(tiny):
+    around = evolve(tiny, algorithms={"1-MGVT": Settings(lambda_=1e-6)}, runs_per_task=3)
+    sliders = sliders_of(around, "tiny-sliders", runs=2, iterations=100)
+    assert len(sliders.algorithms) == 5 * 3 * 3
+    name = slider_name(1e-8, 0.5, 2)
+    assert name == "2-MGVT-lambda-1e-08-psi-0.5"
+    assert sliders.algorithms[name] == Settings(lambda_=1e-8, psi=0.5, components=2)
+    assert (sliders.stream, sliders.runs_per_task) == (tiny.stream, 1)
+    few = sliders_of(around, "few", 2, 100, [1e-6], [0.0], [1, 3])
+    assert list(few.algorithms) == ["3-MGVT-lambda-1e-06-psi-0", "1-MGVT-lambda-1e-06-psi-0"]
+
+
+def test_sliders_need_a_lambda_and_an_algorithm_to_vary(tiny):
+    assert slider_lambdas(Settings(lambda_=1e-3)) == (1e-5, 1e-4, 1e-3, 1e-2, 1e-1)
+    with pytest.raises(ValueError, match="lambda_ must be positive"):
+        slider_lambdas(Settings(lambda_=0))
+    with pytest.raises(ValueError, match=r"algorithms\['NT'\] must be of type Settings"):
+        tiny.transfer_settings("NT")
+    with pytest.raises(ValueError, match="the sliders' algorithm must be one of NT"):
+        sliders_of(tiny, "tiny-sliders", 2, 100)

@@ -1,0 +1,119 @@
+"""Runs that share a task, use fewer sources than others, or keep where they went."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import torch
+from attrs import evolve
+
+from vtlib.experiments.run import chosen_sources, head, prepare, run_batch, targets, task_table
+from vtlib.training import FINGERPRINTS
+
+# float32 sums round differently in batches of another size.
+ROUNDING = {"rtol": 1e-4, "atol": 1e-5}
+
+
+@pytest.fixture
+def shared(tiny):
+    """Two targets for six runs, and algorithms that use fewer sources than others."""
+    mean = evolve(tiny.algorithms["2-MGVT"], components=1, init="mean")
+    return evolve(
+        tiny,
+        pool=evolve(tiny.pool, count=50),
+        algorithms={"NT": tiny.algorithms["NT"], "few": mean, "all": mean},
+        runs=6,
+        sources=8,
+        runs_per_task=3,
+        counts={"few": 2},
+    )
+
+
+def test_runs_of_one_task_share_it_but_not_their_sources_which_are_never_excluded(shared):
+    masses = targets(shared, range(6)).cart_mass
+    assert len(set(masses.tolist())) == 2
+    alone = targets(evolve(shared, runs_per_task=1), [0, 1]).cart_mass
+    assert torch.equal(masses, alone.repeat_interleave(3))
+    # a batch that begins within a task
+    assert torch.equal(targets(shared, [2, 3, 5]).cart_mass, masses[[2, 3, 5]])
+    chosen = chosen_sources(shared, range(6))
+    assert len({tuple(sorted(row)) for row in chosen}) == 6
+    assert all(len(set(row)) == 8 for row in chosen)
+    allowed = evolve(shared, excluded=tuple(range(40)))
+    assert chosen_sources(allowed, range(6)).min() == 40
+
+
+def test_an_algorithm_gets_the_first_of_each_runs_sources(shared, weights):
+    chosen = chosen_sources(shared, [1, 4])
+    for label, count in (("few", 2), ("all", 8)):
+        agent = prepare(shared, label, [1, 4], weights).agent
+        # it starts at the mean of its sources
+        expected = [weights[row[:count]].mean(0) for row in chosen]
+        np.testing.assert_allclose(agent.mu[:, 0].detach(), expected, rtol=1e-5, atol=1e-7)
+
+
+@pytest.mark.parametrize("wrong", [np.zeros((3, 5), "f4"), np.full((50, 226), np.nan, "f4"), None])
+def test_weights_that_are_not_the_pools_are_refused(shared, wrong):
+    with pytest.raises(ValueError, match="weights of tiny-pool must"):
+        prepare(shared, "all", [0], wrong)
+    prepare(shared, "NT", [0], wrong)  # needs none
+
+
+@pytest.mark.parametrize("label", ["NT", "DDQN", "GVT", "2-MGVT"])
+def test_a_batch_records_its_runs_whatever_runs_beside_them(tiny, weights, label):
+    told: list[int] = []
+    arrays = run_batch(tiny, label, [0, 2], weights[:3], lambda t: told.append(t) or True)
+    times = list(range(20, 221, 20))
+    assert list(arrays["iterations"]) == told == times
+    assert arrays["learning"].shape == arrays["greedy"].shape == (2, len(times))
+    prints = arrays["fingerprints"]
+    assert prints.shape == (2, len(FINGERPRINTS), 4)
+    np.testing.assert_array_equal(head(tiny, label, [0, 2], weights[:3]), prints)
+    # rounding may lead runs elsewhere later on
+    alone = head(tiny, label, [2], weights[:3])
+    np.testing.assert_allclose(alone[0, :2], prints[1, :2], **ROUNDING)
+
+
+def test_fewer_sources_lead_elsewhere_and_the_rest_is_the_same(shared, weights):
+    few, every = (run_batch(shared, label, [0, 1], weights) for label in ("few", "all"))
+    assert not np.array_equal(few["fingerprints"], every["fingerprints"])
+    # told to use all of them, the same label leaves the same course
+    told = run_batch(evolve(shared, counts={"few": 8}), "few", [0, 1], weights)
+    for key, values in told.items():
+        np.testing.assert_array_equal(values, every[key])
+
+
+def test_visits_are_kept_where_they_are_asked_for_and_disturb_nothing(tiny, weights):
+    plain = run_batch(tiny, "DDQN", range(3), weights)
+    kept = run_batch(evolve(tiny, visits=True), "DDQN", range(3), weights)
+    assert set(kept) - set(plain) == {"visited"}
+    assert kept["visited"].shape == (3, tiny.iterations, 4)
+    for key, values in plain.items():
+        np.testing.assert_array_equal(kept[key], values)
+    one = run_batch(evolve(tiny, visits=True), "DDQN", [2], weights)["visited"][0]
+    np.testing.assert_allclose(one, kept["visited"][2], **ROUNDING)
+
+
+def test_moments_are_those_of_the_whole_run(tiny, weights):
+    batch = prepare(tiny, "GVT", [0], weights[:3])
+    seen = {t: batch.agent.mu.detach().double().sum().item() for t in batch.moments([0, 1, 49])}
+    assert list(seen) == [0, 1, 49]
+    prints = head(tiny, "GVT", [0], weights[:3])[0, :2, 0]
+    np.testing.assert_allclose([seen[1], seen[49]], prints, **ROUNDING)
+    assert seen[0] != seen[1]
+    assert list(prepare(tiny, "NT", [0], weights).moments([0])) == [0]
+
+
+def test_the_table_plans_each_task_once_and_repeats_its_optimum(shared, monkeypatch):
+    planned = []
+
+    def plan(_, tasks):
+        planned.append(len(tasks))
+        return tasks.cart_mass + 1
+
+    monkeypatch.setattr(type(shared.family), "optimum", plan)
+    table = task_table(shared)
+    np.testing.assert_array_equal(table["cart_mass"], targets(shared, range(6)).cart_mass)
+    np.testing.assert_array_equal(table["sources"], chosen_sources(shared, range(6)))
+    np.testing.assert_array_equal(table["optimum"], table["cart_mass"] + 1)
+    assert planned == [2]

@@ -1,0 +1,301 @@
+"""Units of work: kept when done, never computed twice, and computed again when a worker dies."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import threading
+import time
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+from attrs import evolve
+from distributed import Client
+
+from vtlib.experiments import schedule, store
+from vtlib.experiments.cartpole import CARTPOLE
+from vtlib.experiments.rooms import ROOMS_EVALUATION
+from vtlib.experiments.run import run_batch
+from vtlib.experiments.schedule import compute, done, join_finished, keep, units_of
+from vtlib.training import Diverged
+
+
+@pytest.fixture
+def complete(here):
+    """Compute what is missing with the worker in this process."""
+
+    def call(*experiments, root, **options):
+        schedule.complete(experiments, root, scheduler=here, **{"quiet": True, **options})
+
+    return call
+
+
+def assert_same(experiment, ours, theirs):
+    for owner, label in store.results_of(experiment):
+        a, b = (store.stored(owner, label, root)[0] for root in (ours, theirs))
+        assert store.same_arrays(a, b), label
+
+
+def test_units_are_batches_of_runs_and_halves_of_small_pools(tiny):
+    assert [u.members for u in units_of(tiny.pool)] == [range(2), range(2, 3)]
+    assert units_of(evolve(tiny.pool, count=60))[0].members == range(25)
+    units = units_of(tiny)
+    assert [(u.label, u.members) for u in units[:2]] == [("NT", range(2)), ("NT", range(2, 3))]
+    assert (units[-1].label, units[-1].members) == ("tasks", range(3))
+    assert [u.pool for u in units] == [tiny.pool] * 8 + [None]
+    assert len({u.part for u in units}) == len(units)
+
+
+def test_complete_stores_every_result_with_its_provenance(tiny, stored):
+    for owner, label in store.results_of(tiny):
+        _, note = store.stored(owner, label, stored)
+        assert note["seconds"] >= 0
+        assert 10 < note["megabytes"] < 5000
+        assert note["machine"] == store.machine()
+        assert (note["owner"], note["label"]) == (owner.name, label)
+    assert note["seeds"] == "SHA-256 of tiny/<run>/<role>"
+    assert list(store.stored(tiny, "GVT", stored)[0]["run"]) == [0, 1, 2]
+    assert sorted(p.name for p in stored.iterdir()) == ["tiny", "tiny-pool"]
+
+
+def test_only_what_is_missing_is_computed_and_the_rest_is_left_alone(
+    tiny, stored, complete, monkeypatch
+):
+    before = {p: (p.read_bytes(), p.stat().st_mtime_ns) for p in stored.rglob("*.*")}
+    store.remove(stored / "tiny" / "GVT")
+    ran, real = [], schedule.compute
+    monkeypatch.setattr(schedule, "compute", lambda u, *rest: (ran.append(u), real(u, *rest))[1])
+    complete(tiny, root=stored)
+    assert {u.label for u in ran} == {"GVT"}
+    for path, (data, time_) in before.items():
+        if path.name != "GVT.json":  # which tells how long it took
+            assert path.read_bytes() == data
+        if not path.name.startswith("GVT"):
+            assert path.stat().st_mtime_ns == time_
+
+
+def test_parts_of_a_run_that_was_stopped_are_joined_with_the_others(tiny, stored, complete):
+    first, *others = (u for u in units_of(tiny) if u.label == "NT")
+    expected, _ = store.read(stored / first.result)
+    store.remove(stored / first.result)
+    weights = store.weights(tiny.pool, stored)
+    keep(first, *compute(first, weights), stored)
+    assert done(first, stored)
+    assert not any(done(unit, stored) for unit in others)
+    join_finished(units_of(tiny), stored)
+    assert not store.exists(stored / first.result)
+    complete(tiny, root=stored)
+    assert store.same_arrays(store.read(stored / first.result)[0], expected)
+    assert not (stored / "parts").exists()
+    # one that was left beside its whole result is no use
+    keep(first, *compute(first, weights), stored)
+    complete(tiny, root=stored)
+    assert not (stored / "parts").exists()
+
+
+def test_an_error_of_one_unit_keeps_what_the_others_have_done(tiny, stored, complete, monkeypatch):
+    for label in ("NT", "GVT", "2-MGVT"):
+        store.remove(stored / "tiny" / label)
+    real = schedule.compute
+
+    def diverging(unit, *rest):
+        if unit.label == "GVT" and unit.members == range(2, 3):
+            raise Diverged("run 2 of tiny, GVT diverged")
+        return real(unit, *rest)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(schedule, "compute", diverging)
+        with pytest.raises(Diverged, match="run 2 of tiny"):
+            complete(tiny, root=stored)
+    assert store.exists(stored / "tiny" / "NT")
+    assert list((stored / "parts" / "tiny").glob("GVT-*.json"))
+    complete(tiny, root=stored)
+    assert store.exists(stored / "tiny" / "GVT")
+
+
+def test_two_experiments_share_their_pool_and_one_bar(tiny, complete, tmp_path, capsys):
+    one = evolve(tiny, algorithms={"NT": tiny.algorithms["NT"]})
+    complete(one, evolve(one, name="other"), root=tmp_path, quiet=False)
+    assert {p.parent.name for p in tmp_path.rglob("*.npz")} == {"tiny-pool", "tiny", "other"}
+    bar = capsys.readouterr().err
+    assert "2 experiments 100%" in bar
+    assert "left" in bar
+
+
+def test_the_bar_never_goes_back_and_ends_with_the_last_unit(tiny):
+    progress = schedule.Progress(units_of(tiny), "tiny", quiet=True)
+    parts = [str(unit.part) for unit in units_of(tiny)]
+    progress.tell(parts[0], 1)
+    progress.tell(parts[0], 0.5)  # a message that was late
+    assert progress._gone[parts[0]] == progress._seconds[parts[0]]
+    for part in parts:
+        progress.tell(part, 1)
+    assert sum(progress._gone.values()) == progress.bar.total
+
+
+def test_the_time_of_a_unit_is_expected_as_it_was_for_the_stored_runs(tiny):
+    note = store.provenance(store.results_folder() / "rooms-evaluation" / "GVT")
+    units = [u for u in units_of(ROOMS_EVALUATION) if u.label == "GVT"]
+    assert sum(u.expected_seconds for u in units) == pytest.approx(note["seconds"])
+    assert units_of(tiny.pool)[0].expected_seconds > 0
+
+
+def test_a_part_of_another_configuration_stops_it_before_anything_is_computed(
+    tiny, complete, tmp_path, monkeypatch
+):
+    unit = units_of(tiny.pool)[0]
+    note = {"config": {"limit": 7}, "seconds": 1.0}
+    store.save(tmp_path / unit.part, {"x": np.zeros(1)}, note)
+    monkeypatch.setattr(schedule, "_cluster", None)
+    with pytest.raises(store.TornResult, match="another configuration"):
+        complete(tiny, root=tmp_path)
+
+
+def test_workers_with_other_versions_are_refused(tiny, there, tmp_path, monkeypatch):
+    monkeypatch.setattr(schedule, "__version__", "0.0")  # here, not in the workers
+    with pytest.raises(ValueError, match=r"worker tcp.* must have .*'0\.0'.*, has "):
+        schedule.complete([tiny], tmp_path, scheduler=there.scheduler_address, quiet=True)
+    assert not list(tmp_path.rglob("*.npz"))
+
+
+def test_a_scheduler_that_is_not_there_is_named(tiny, tmp_path, monkeypatch):
+    short = partial(Client, set_as_default=False, timeout=0.5)
+    monkeypatch.setattr(schedule, "Client", lambda address, **_: short(address))
+    with pytest.raises(OSError, match=re.escape("tcp://127.0.0.1:9")):
+        schedule.complete([tiny], tmp_path, scheduler="tcp://127.0.0.1:9", quiet=True)
+
+
+def test_a_worker_that_dies_loses_nothing(tiny, computed, there, tmp_path):
+    shutil.copytree(computed / "tiny-pool", tmp_path / "tiny-pool")
+    with Client(there, set_as_default=False) as client:
+        victim = next(iter(client.run(os.getpid).values()))
+    left = []
+
+    def kill_in_the_middle():
+        while not list((tmp_path / "parts").rglob("*.json")):
+            time.sleep(0.005)
+        os.kill(victim, signal.SIGKILL)
+        left.extend(u for u in units_of(tiny) if not done(u, tmp_path))
+
+    killer = threading.Thread(target=kill_in_the_middle)
+    killer.start()
+    schedule.complete([tiny], tmp_path, scheduler=there.scheduler_address, quiet=True)
+    killer.join()
+    assert left
+    assert_same(tiny, computed, tmp_path)
+
+
+# A command of its own, which can be killed: one that computes with two processes of its own.
+SCRIPT = """
+import sys
+from pathlib import Path
+from attrs import evolve
+from vtlib.experiments import EXPERIMENTS, schedule
+from vtlib.experiments.cartpole import CARTPOLE
+from vtlib.__main__ import main
+
+some = {label: CARTPOLE.algorithms[label] for label in ("GVT", "DDQN")}
+size = {"runs": 3, "iterations": int(sys.argv[2])}
+EXPERIMENTS["tiny"] = evolve(CARTPOLE, name="tiny", algorithms=some, **size)
+schedule.BATCH = 1
+if __name__ == "__main__":
+    sys.exit(main(["run", "tiny", "--jobs", "2", "--results", sys.argv[1]]))
+"""
+
+
+class Command:
+    """The script, started in a session of its own, as a terminal does."""
+
+    def __init__(self, folder: Path, root: Path, iterations: int) -> None:
+        self._root, self._before = root, len(list(root.rglob("*.json")))
+        (folder / "script.py").write_text(SCRIPT)
+        pool = Path("cartpole-sources")
+        if not (root / pool).exists():
+            shutil.copytree(store.results_folder() / pool, root / pool)
+        self.process = subprocess.Popen(
+            [sys.executable, "script.py", str(root), str(iterations)],
+            cwd=folder,
+            env={**os.environ, "PYTHONPATH": str(Path(schedule.__file__).parents[2])},
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            start_new_session=True,
+        )
+
+    def wait_for_a_unit(self) -> None:
+        while self.process.poll() is None:
+            if len(list(self._root.rglob("*.json"))) > max(1, self._before):  # the pool is one
+                break
+            time.sleep(0.01)
+
+    def group(self) -> list[int]:
+        """Every process of the session that is running."""
+        found = []
+        for stat in Path("/proc").glob("[0-9]*/stat"):
+            try:
+                state, _, _, session = stat.read_text().rsplit(")", 1)[1].split()[:4]
+            except OSError:
+                continue
+            if int(session) == self.process.pid and state != "Z":
+                found.append(int(stat.parent.name))
+        return found
+
+    def assert_gone(self) -> None:
+        end = time.monotonic() + 30
+        while self.group() and time.monotonic() < end:
+            time.sleep(0.05)
+        assert not self.group()
+
+
+needs_proc = pytest.mark.skipif(
+    not Path("/proc/self/stat").exists(), reason="/proc alone tells the processes of a session"
+)
+
+
+@needs_proc
+def test_killed_again_and_again_the_same_command_leaves_the_same_files(tmp_path):
+    root, kills, iterations = tmp_path / "killed", 0, 2_000
+    # after each unit that is done, at a random moment of the next or the one after
+    for wait in np.random.default_rng(0).uniform(0, 0.5, 2):
+        command = Command(tmp_path, root, iterations)
+        command.wait_for_a_unit()
+        time.sleep(wait)
+        kills += command.process.poll() is None
+        command.process.kill()
+        command.process.communicate()
+        command.assert_gone()
+    assert kills
+    last = Command(tmp_path, root, iterations)
+    out, err = last.process.communicate()
+    assert (last.process.returncode, out) == (0, f"tiny is complete under {root}\n"), err
+    assert "Traceback" not in err
+    undisturbed = evolve(CARTPOLE, name="tiny", runs=3, iterations=iterations)
+    weights = store.weights(CARTPOLE.pool)
+    for label in ("GVT", "DDQN"):
+        each = [run_batch(undisturbed, label, [one], weights) for one in range(3)]
+        found, _ = store.read(root / "tiny" / label)
+        for key in found.keys() - {"iterations"}:
+            np.testing.assert_array_equal(found[key], np.concatenate([one[key] for one in each]))
+    # nothing is left but the script, what it was asked for, and what it was imported into
+    left = {p.name for p in tmp_path.iterdir()} - {"__pycache__"}
+    assert left == {"script.py", "killed"}
+    assert not (root / "parts").exists()
+
+
+@needs_proc
+def test_an_interrupt_ends_in_one_line_and_with_all_processes(tmp_path):
+    command = Command(tmp_path, tmp_path / "results", 20_000)  # seconds longer than its first unit
+    command.wait_for_a_unit()
+    os.killpg(command.process.pid, signal.SIGINT)
+    _, err = command.process.communicate(timeout=60)
+    assert command.process.returncode == 130
+    *bar, line = err.strip().splitlines()
+    assert line == "vtlib: interrupted; the same command goes on from here"
+    assert all("left" in shown for shown in bar if shown), err
+    command.assert_gone()

@@ -1,0 +1,214 @@
+"""Single-line faults, which the tests have to find, one at a time: python tests/mutants.py
+
+On demand, for it takes a while. Names may be given to try only some files. A fault that
+no test finds is a survivor; those that are known are listed with the reason.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import NamedTuple
+
+ROOT = Path(__file__).resolve().parents[1]
+TESTS = {  # which tests are to find faults in a file
+    "td": "tests/test_td.py tests/test_algorithm1.py tests/test_transfer.py",
+    "priors": "tests/test_priors.py tests/test_algorithm1.py tests/test_transfer.py",
+    "posteriors/base": "tests/posteriors",
+    "posteriors/dense": "tests/posteriors",
+    "posteriors/diagonal": "tests/posteriors",
+    "posteriors/fused": "tests/posteriors",
+    "qfunctions": "tests/test_qfunctions.py",
+    "transfer": "tests/test_transfer.py tests/test_bad_input.py tests/test_algorithm1.py",
+    "baselines": "tests/test_baselines.py",
+    "training": "tests/test_training.py",
+    "evaluation": "tests/test_evaluation.py",
+    "replay": "tests/test_replay.py tests/test_transfer.py",
+    "envs/episodes": "tests/envs/test_episodes.py",
+    "envs/rooms/tasks": "tests/envs",
+    "envs/cartpole/tasks": "tests/envs",
+    "envs/mountain_car/tasks": "tests/envs",
+    "envs/maze/tasks": "tests/envs",
+    "envs/maze/geometry": "tests/envs",
+}
+FAULTS: dict[str, list[tuple[str, str]]] = {
+    "td": [
+        (".mean(dim, keepdim=True).log_()", ".sum(dim, keepdim=True).log_()"),
+        ("mellowmax(q_next, kappa, -2) * ~terminated", "mellowmax(q_next, kappa, -2)"),
+        (".mul_(2 / batch)", ".mul_(1 / batch)"),
+        (".mul_(psi / q.shape[-2])", ".mul_(psi)"),
+        ("flow = (scaled_error * alive)", "flow = (scaled_error * gamma)"),
+        ("alive = gamma * ~terminated", "alive = gamma"),
+        ("-scaled_error.unsqueeze(-2))", "scaled_error.unsqueeze(-2))"),
+        ("alpha=1 / kappa", "alpha=kappa"),
+    ],
+    "priors": [
+        ("/ sources.shape[-2] ** 0.5", "/ (sources.shape[-2] - 1) ** 0.5"),
+        ("add_(jitter)", "add_(2 * jitter)"),
+        ("(singular**2 / (singular**2 + jitter)).sqrt()", "(singular**2 / (singular**2 + jitter))"),
+        ("return Start(self.mu.clone(),", "return Start(self.mu,"),
+        ("torch.arange(components) % count", "torch.zeros(components).long()"),
+        ("toward / (self._variance * mu.shape[1])", "toward / self._variance"),
+        ("return log_volumes + 0.5 *", "return log_volumes + 0.4 *"),
+        ("else MAX_UPDATES if updates is None", "else 1 if updates is None"),
+        ("log_phi - pairwise, -1)", "log_phi - pairwise, -2)"),
+        ("- math.log(sources)\n", "- math.log(components)\n"),
+        (".squeeze(-2) / variance", ".squeeze(-2)"),
+    ],
+    "posteriors/base": [
+        ("self._z[:, -used:]", "self._z[:, :used]"),
+        ("samples += self.mu.unsqueeze(2)", "samples += 0 * self.mu.unsqueeze(2)"),
+        ("math.inf if descent.clip is None", "1e6 if descent.clip is None"),
+    ],
+    "posteriors/dense": [
+        ("slope.sub_(kl_weight / diagonal)", "slope.sub_(kl_weight / diagonal**2)"),
+        (
+            "gradient.clamp_(-self._clip, self._clip)",
+            "gradient.clamp_(-self._clip, 2 * self._clip)",
+        ),
+        (".tril_(), alpha", ", alpha"),
+        (
+            "        diagonal.clamp_(min=self._sigma_min)\n\n\ndef",
+            "        diagonal.abs_()\n\n\ndef",
+        ),
+        ("alpha=kl_weight)\n        else", "alpha=2 * kl_weight)\n        else"),
+        ("* start.variance**0.5", "* start.variance"),
+    ],
+    "posteriors/diagonal": [
+        ("(gradients * z).sum(1)", "(gradients * z).mean(1)"),
+        ("self._pull * self._sigma - 1", "self._pull * self._sigma**2 - 1"),
+        ("double().rsqrt()", "double().sqrt()"),
+    ],
+    "posteriors/fused": [
+        ("min(self._clip, LARGEST)", "2 * min(self._clip, LARGEST / 2)"),
+        ('self._kl == "diagonal"', "False"),
+        ("        self._waiting = None\n        return out", "        return out"),
+        ("run * components", "run"),
+    ],
+    "qfunctions": [
+        ("self._rate = 0.5 / variance", "self._rate = 1 / variance"),
+        ("axes.div_(axes.sum(-2, keepdim=True))", "axes.div_(1.0)"),
+        (".mul_(into.sign_())", ".mul_(into)"),
+        ("passed[-1].relu_()", "passed[-1].abs_()"),
+        ("mask = passed[1].sign_()", "mask = passed[1]"),
+        ("into_second, cotangent.sum(-1)", "into_second, cotangent.mean(-1)"),
+        ("(axes[:, 0].unsqueeze(2) * axes[:, 1]", "(axes[:, 1].unsqueeze(2) * axes[:, 0]"),
+    ],
+    "transfer": [
+        ("s.lambda_ / self._steps", "s.lambda_ / (self._steps + 1)"),
+        ("kl_weight / components", "kl_weight"),
+        ("self._samples[:, :, 1:]", "self._samples[:, :, :-1]"),
+        ("div_(components * s.n_samples)", "div_(s.n_samples)"),
+        ("if self._steps > s.patience", "if self._steps >= s.patience"),
+        ("step.clamp_(-s.clip, s.clip)", "step.clamp_(-s.clip, 2 * s.clip)"),
+        ("draws = self._samples[:, :, 0]", "draws = self._samples[:, :, 1]"),
+        ('if self._settings.act == "step"', 'if self._settings.act != "step"'),
+        ("between(0, HUGE)", "between(-1, HUGE)"),
+    ],
+    "baselines": [
+        ("error.clamp_(-1, 1)", "error.clamp_(-2, 2)"),
+        ("% self._settings.target_every == 0", "% self._settings.target_every == 1"),
+        ("best = q.q(self.mu, following)", "best = q.q(self._target, following)"),
+        ("explore < epsilon", "explore > epsilon"),
+        ("progress * (s.epsilon_end - 1)", "progress * s.epsilon_end"),
+    ],
+    "training": [
+        ("if t % every == 0:", "if t % every == 1:"),
+        ("if t in FINGERPRINTS", "if t < 50"),
+    ],
+    "evaluation": [
+        ("alive *= ~terminated", "alive *= 1"),
+        ("discount *= tasks.gamma", "discount *= 1"),
+        ("values.mean(1).argmax(1)", "values[:, 0].argmax(1)"),
+    ],
+    "replay": [
+        ("% self._capacity\n", "% (self._capacity + 1)\n"),
+        ("reward, rows[..., o : 2 * o]", "reward, rows[..., :o]"),
+    ],
+    "envs/episodes": [
+        ("self._discount.mul_(self._gamma)", "self._discount.mul_(1.0)"),
+        (">= tasks.horizon", "> tasks.horizon"),
+        ("clamp(1, self._finished.shape[1])", "clamp(1)"),
+    ],
+    "envs/rooms/tasks": [
+        ("> DOOR_WIDTH / 2", "> DOOR_WIDTH"),
+        ("<= GOAL_RADIUS**2", "<= 2 * GOAL_RADIUS**2"),
+        (".clamp(0.0, SIDE)", ".clamp(0.0, SIDE + 1)"),
+    ],
+    "envs/cartpole/tasks": [
+        ("4 / 3 - self.pole_mass", "3 / 4 - self.pole_mass"),
+        ("> POSITION_LIMIT)", "> ANGLE_LIMIT)"),
+    ],
+    "envs/mountain_car/tasks": [
+        ("(action - 1) * self.speed", "action * self.speed"),
+        ("velocity < 0)", "velocity > 0)"),
+    ],
+    "envs/maze/tasks": [
+        ("* directions(pose[2])", "* directions(-pose[2])"),
+        ("(share * count)", "(share * 100)"),
+    ],
+    "envs/maze/geometry": [
+        ("np.minimum(goal, own) < wall", "np.minimum(goal, own) > wall"),
+        ("line = cell + 0.5 + (0.5 - CLEARANCE) * sign", "line = cell + 0.5 + 0.5 * sign"),
+    ],
+}
+NO_FAULT = "from __future__ import annotations"
+# Survivors that are no faults of the tests, and why.
+EXPECTED: dict[tuple[str, str], str] = {}
+
+
+class Outcome(NamedTuple):
+    """What became of one fault: killed, survived or not applied."""
+
+    file: str
+    fault: str
+    fate: str
+
+
+def attempt(file: str, old: str, new: str) -> Outcome:
+    """Plant one fault in a copy of the library and run the tests of its file."""
+    text = (ROOT / "vtlib" / f"{file}.py").read_text()
+    if text.count(old) != 1:
+        return Outcome(file, old, f"NOT APPLIED: found {text.count(old)} times")
+    with tempfile.TemporaryDirectory() as folder:
+        for part in ("vtlib", "tests"):
+            shutil.copytree(ROOT / part, Path(folder) / part)
+        shutil.copy(ROOT / "pyproject.toml", folder)
+        (Path(folder) / "vtlib" / f"{file}.py").write_text(text.replace(old, new))
+        command = [sys.executable, "-m", "pytest", "-x", "-q", *TESTS[file].split()]
+        environment = {**os.environ, "PYTHONPATH": folder, "OMP_NUM_THREADS": "1"}
+        done = subprocess.run(
+            command, cwd=folder, env=environment, capture_output=True, check=False
+        )
+    fate = {0: "SURVIVED", 1: "killed", 2: "killed"}.get(done.returncode, "no tests ran")
+    return Outcome(file, f"{old!r} -> {new!r}", fate)
+
+
+def main(only: list[str]) -> int:
+    """Try all faults, two at a time; fail when fewer than 95 % are killed or one does not apply."""
+    faults = [(f, *pair) for f, pairs in FAULTS.items() if not only or f in only for pair in pairs]
+    outcomes = []
+    with ThreadPoolExecutor(2) as executor:
+        files = dict.fromkeys(file for file, *_ in faults)
+        for outcome in executor.map(lambda file: attempt(file, NO_FAULT, NO_FAULT), files):
+            if outcome.fate != "SURVIVED":
+                print(f"{outcome.file}: its tests fail without a fault ({outcome.fate})")
+                return 2
+        for outcome in executor.map(lambda fault: attempt(*fault), faults):
+            print(f"{outcome.fate:10} {outcome.file}: {outcome.fault}", flush=True)
+            outcomes.append(outcome)
+    killed = sum(outcome.fate == "killed" for outcome in outcomes)
+    for outcome in outcomes:
+        if outcome.fate != "killed":
+            print(outcome, EXPECTED.get((outcome.file, outcome.fault), "unexpected"))
+    print(f"{killed} of {len(outcomes)} faults are found")
+    return 0 if killed >= 0.95 * len(outcomes) else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

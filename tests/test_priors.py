@@ -1,0 +1,273 @@
+"""Divergences of Gaussians and mixtures, their gradients, and the priors made of sources."""
+
+from __future__ import annotations
+
+import itertools
+import math
+
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from torch import Tensor
+from torch.distributions import Categorical, MixtureSameFamily, MultivariateNormal, kl_divergence
+
+from vtlib import priors
+from vtlib.priors import (
+    Gaussian,
+    GaussianPrior,
+    MixturePrior,
+    covariance_factor,
+    kl,
+    kl_bound,
+    low_rank_precision,
+    pairwise_kl,
+    pull_of_sources,
+    responsibilities,
+    sources_mean_and_spread,
+)
+
+CASES = [(1, 1), (1, 4), (2, 1), (2, 3), (3, 3), (4, 2)]
+TABLES = (st.integers(1, 5), st.integers(1, 6), st.floats(0.01, 1e4), st.integers(0, 1000))
+PROPERTY = settings(deadline=None, derandomize=True, max_examples=60)
+
+
+def draw(*shape: int, seed: int = 0) -> Tensor:
+    g = torch.Generator().manual_seed(seed)
+    return torch.randn(shape, dtype=torch.float64, generator=g)
+
+
+def eye(d: int) -> Tensor:
+    return torch.eye(d, dtype=torch.float64)
+
+
+def gaussian(*batch: int, d: int, seed: int = 1) -> Gaussian:
+    """Gaussians with well-conditioned full covariances."""
+    lower = draw(*batch, d, d, seed=seed).tril(-1) / (2 * d**0.5)
+    diagonal = draw(*batch, d, seed=seed + 1).mul(0.3).exp()
+    return Gaussian(draw(*batch, d, seed=seed + 2), lower + torch.diag_embed(diagonal))
+
+
+# --- one Gaussian --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("d", [1, 2, 7, 30])
+def test_kl_agrees_with_torch_distributions(d):
+    q, p = gaussian(4, 1, d=d), gaussian(3, d=d, seed=5)
+    ours, theirs = (MultivariateNormal(mu, scale_tril=L) for mu, L in (q, p))
+    table = kl(q, p)
+    assert table.shape == (4, 3)
+    torch.testing.assert_close(table, kl_divergence(ours.expand((4, 3)), theirs.expand((4, 3))))
+    assert (table > 0).all()
+    torch.testing.assert_close(kl(q, q), torch.zeros(4, 1).double())
+
+
+@pytest.mark.parametrize("d", [1, 3, 8])
+def test_gradients_of_the_kl_are_the_pull_and_the_product_with_the_precision(d):
+    q, (mu_p, spread) = gaussian(2, d=d), sources_mean_and_spread(draw(2, 4, d, seed=9))
+    prior = Gaussian(mu_p, covariance_factor(spread, 0.1))
+    leaves = [x.clone().requires_grad_() for x in q]
+    # which passes finite differences
+    assert torch.autograd.gradcheck(lambda *own: kl(Gaussian(*own), prior), leaves)
+    of_mu, of_factor = torch.autograd.grad(kl(Gaussian(*leaves), prior).sum(), leaves)
+    known = GaussianPrior(draw(2, 4, d, seed=9), 0.1)
+    torch.testing.assert_close(known.pull(q.mu.unsqueeze(1)).squeeze(1), of_mu)
+    inverse = torch.diag_embed(1 / q.scale_tril.diagonal(dim1=1, dim2=2))
+    ours = known.precision.times(q.scale_tril) - inverse
+    torch.testing.assert_close(ours.tril(), of_factor.tril())
+
+
+@pytest.mark.parametrize("at_once", [2, 4, 2**22])
+# one source has no spread at all, twelve span more than the six dimensions
+@pytest.mark.parametrize("sources", [1, 2, 4, 12])
+@pytest.mark.parametrize("jitter", [1e-4, 1.0])
+def test_moments_of_sources(monkeypatch, sources, jitter, at_once):
+    monkeypatch.setattr(priors, "DOUBLES", at_once * 6**2)
+    w = draw(5, sources, 6)
+    mu, spread = sources_mean_and_spread(w)
+    torch.testing.assert_close(mu, w.mean(1))
+    covariance = torch.stack([torch.cov(one.T, correction=0) for one in w]) + jitter * eye(6)
+    L = covariance_factor(spread, jitter)
+    torch.testing.assert_close(L @ L.mT, covariance)
+    assert not L.triu(1).any()
+    precision = low_rank_precision(spread, jitter)
+    inverse = precision.times(eye(6).expand(5, 6, 6))
+    torch.testing.assert_close(inverse, torch.linalg.inv(covariance), rtol=1e-8, atol=1e-8)
+    torch.testing.assert_close(precision.diagonal(6), inverse.diagonal(dim1=1, dim2=2))
+
+
+@pytest.mark.parametrize("apart", [1e8, 1e30, 3e38])
+def test_sources_too_far_apart_for_their_covariance_are_refused(apart):
+    far = (apart * draw(1, 4, 9).clamp(-1, 1)).float()
+    refused = [lambda: covariance_factor(sources_mean_and_spread(far)[1], 1e-4)]
+    if apart == 3e38:  # whose differences are infinite
+        refused.append(lambda: GaussianPrior(far))
+    for call in refused:
+        with pytest.raises(ValueError, match=r"^sources must lie closer to their mean .* away$"):
+            call()
+
+
+# --- mixtures ------------------------------------------------------------------------------------
+
+
+def tight_bound(pairwise: Tensor, updates: int | None = None) -> Tensor:
+    return kl_bound(pairwise, *responsibilities(pairwise, updates))
+
+
+def torch_mixture(mu: Tensor, L: Tensor) -> MixtureSameFamily:
+    weights = Categorical(torch.ones(len(mu), dtype=torch.float64))
+    return MixtureSameFamily(weights, MultivariateNormal(mu, scale_tril=L))
+
+
+@pytest.mark.parametrize(("components", "sources"), CASES)
+@pytest.mark.parametrize("d", [1, 3])
+def test_bound_is_at_least_the_monte_carlo_kl(components, sources, d):
+    variance, samples = 0.7, 100_000
+    q, w = gaussian(components, d=d), draw(sources, d, seed=8)
+    with torch.random.fork_rng():
+        # torch.distributions draw from the global generator alone; the fork gives it back
+        torch.manual_seed(0)
+        x = torch_mixture(*q).sample((samples,))
+    prior = torch_mixture(w, variance**0.5 * eye(d).expand(sources, d, d))
+    ratio = torch_mixture(*q).log_prob(x) - prior.log_prob(x)
+    error = ratio.std() / samples**0.5
+    assert error < 0.05
+    bound = tight_bound(pairwise_kl(q, w, variance))
+    assert bound >= ratio.mean() - 4 * error
+    if components == sources == 1:
+        assert (bound - ratio.mean()).abs() <= 4 * error
+
+
+def test_bound_is_exact_where_mixtures_are_single_gaussians_or_equal_and_far_apart():
+    q, w = gaussian(1, d=5), draw(1, 5, seed=8)
+    prior = Gaussian(w, 0.3**0.5 * eye(5))
+    torch.testing.assert_close(tight_bound(pairwise_kl(q, w, 0.3)), kl(q, prior)[0])
+    w = 100 * draw(4, 3)
+    q = Gaussian(w, 0.1 * eye(3).expand(4, 3, 3))
+    assert tight_bound(pairwise_kl(q, w, 0.01)).item() == pytest.approx(0.0, abs=1e-9)
+
+
+def test_pairwise_kl_is_a_table_of_closed_forms():
+    q, w = gaussian(2, 3, d=4), draw(2, 5, 4, seed=8)
+    each = Gaussian(q.mu.unsqueeze(2), q.scale_tril.unsqueeze(2))
+    table = kl(each, Gaussian(w.unsqueeze(1), 0.3**0.5 * eye(4)))
+    torch.testing.assert_close(pairwise_kl(q, w, 0.3), table)
+
+
+@PROPERTY
+@given(*TABLES)
+def test_updates_never_raise_the_bound_and_keep_the_marginals(components, sources, scale, seed):
+    pairwise = scale * draw(components, sources, seed=seed).square()
+    bounds = [tight_bound(pairwise, k).item() for k in range(25)]
+    slack = 1e-12 * (1 + abs(bounds[0]))
+    assert all(later <= sooner + slack for sooner, later in itertools.pairwise(bounds))
+    assert tight_bound(pairwise).item() <= bounds[1] + slack
+    for updates in (0, 1, 7, None):
+        theta, phi = (x.exp() for x in responsibilities(pairwise, updates))
+        torch.testing.assert_close(theta.sum(1), torch.full((components,), 1 / components).double())
+        torch.testing.assert_close(phi.sum(0), torch.full((sources,), 1 / sources).double())
+
+
+def test_one_update_is_equations_5_14_and_5_15():
+    pairwise = draw(3, 4).square()
+    theta_before = responsibilities(pairwise, 6)[0].exp()
+    theta, phi = (x.exp() for x in responsibilities(pairwise, 7))
+    torch.testing.assert_close(phi, theta_before / theta_before.sum(0) / 4)
+    boltzmann = phi * (-pairwise).exp()
+    torch.testing.assert_close(theta, boltzmann / boltzmann.sum(1, keepdim=True) / 3)
+
+
+def test_converged_bound_is_near_its_limit_and_feels_no_order():
+    rows, columns = torch.tensor([2, 0, 1]), torch.tensor([4, 1, 0, 3, 2, 5])
+    for seed in range(5):
+        pairwise = 3 * draw(3, 6, seed=seed).square()
+        limit = tight_bound(pairwise, 1000)
+        assert limit - 1e-9 <= tight_bound(pairwise) <= limit + 0.02
+        moved = responsibilities(pairwise[rows][:, columns])
+        for ours, theirs in zip(moved, responsibilities(pairwise), strict=True):
+            torch.testing.assert_close(ours.exp(), theirs[rows][:, columns].exp())
+        # nor what other runs of the batch are like
+        beside = responsibilities(torch.stack([50 * pairwise, pairwise, 0.01 * pairwise]))
+        for ours, theirs in zip(beside, responsibilities(pairwise), strict=True):
+            torch.testing.assert_close(ours[1].exp(), theirs.exp(), rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("components", [1, 3])
+def test_far_sources_in_484_dimensions(components):
+    w = 0.2 * draw(10, 484).float()
+    L = 1e-5**0.5 * torch.eye(484).expand(components, -1, -1)
+    for mu in (w.mean(0).expand(components, -1), 0.2 * draw(components, 484, seed=1).float()):
+        pairwise = pairwise_kl(Gaussian(mu, L), w, 1e-5)
+        assert 1e5 < pairwise.max() < 1e7
+        assert torch.isfinite(tight_bound(pairwise))
+        assert torch.isfinite(pull_of_sources(mu, w, 1e-5)).all()
+    # where each component explains its own source, log S - log C is what remains
+    bound = tight_bound(pairwise_kl(Gaussian(w[:components], L), w, 1e-5))
+    assert bound.item() == pytest.approx(math.log(10 / components), abs=1e-2)
+    # Adam divides by the gradient's size: a mere rounding error would move the means
+    assert not pull_of_sources(w[:components], w, 1e-5).any()
+
+
+@pytest.mark.parametrize(("components", "sources"), CASES)
+def test_pull_is_the_gradient_of_the_tightened_bound(components, sources):
+    q, w, variance, h = gaussian(components, d=4), draw(sources, 4, seed=8), 0.9, 1e-3
+    mu = q.mu.clone().requires_grad_()
+    pairwise = pairwise_kl(Gaussian(mu, q.scale_tril), w, variance)
+    bound = kl_bound(pairwise, *responsibilities(pairwise.detach()))
+    (with_theta_held,) = torch.autograd.grad(bound, mu)
+    ours = pull_of_sources(q.mu, w, variance)
+    torch.testing.assert_close(ours, with_theta_held, rtol=1e-5, atol=1e-5)
+    # theta and phi are tightened anew at either end: at their fixed point the bound is flat in them
+    steps = h * eye(mu.numel()).view(-1, *mu.shape)
+    wide = 2.5 * q.mu
+    ends = Gaussian(torch.stack([wide + steps, wide - steps]), q.scale_tril)
+    above, below = tight_bound(pairwise_kl(ends, w, variance), 1000)
+    slopes = ((above - below) / (2 * h)).view_as(wide)
+    torch.testing.assert_close(pull_of_sources(wide, w, variance), slopes, rtol=0, atol=0.01)
+
+
+# --- priors --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("init", "jitter"), [("sources", 0.01), ("span", priors.SPAN_JITTER)])
+def test_gaussian_prior(init, jitter):
+    sources = draw(2, 5, 4)
+    prior = GaussianPrior(sources, jitter=0.01)
+    start = prior.start(1, init)
+    torch.testing.assert_close(start.mu, sources.mean(1, keepdim=True))
+    covariance = torch.stack([torch.cov(one.T, correction=0) for one in sources])
+    assert start.variance == jitter
+    torch.testing.assert_close(start.spread @ start.spread.mT, covariance)
+    inverse = torch.linalg.inv(covariance + 0.01 * eye(4))
+    torch.testing.assert_close(prior.precision.times(eye(4).expand(2, 4, 4)), inverse)
+    mu = draw(2, 1, 4, seed=3)
+    # the posterior's means move in place, and must not take the prior along
+    start.mu.copy_(mu)
+    expected = (mu - sources.mean(1, keepdim=True)) @ inverse
+    torch.testing.assert_close(prior.pull(start.mu), expected)
+
+
+@pytest.mark.parametrize("components", [1, 2, 5])
+def test_mixture_prior_starts_on_different_sources_or_at_their_mean(components):
+    sources = draw(2, 3, 4)
+    before = sources.clone()
+    prior = MixturePrior(sources, 0.5)
+    torch.testing.assert_close(prior.precision.times(eye(4)), eye(4) / 0.5)
+    on, mean = prior.start(components, "sources"), prior.start(components, "mean")
+    assert on.mu.shape == mean.mu.shape == (2, components, 4)
+    for c in range(components):
+        assert torch.equal(on.mu[:, c], sources[:, c % 3])
+        torch.testing.assert_close(mean.mu[:, c], sources.mean(1))
+    for start in (on, mean):
+        assert (start.variance, start.spread) == (0.5, None)
+        start.mu.add_(1.0)
+        torch.testing.assert_close(prior.pull(start.mu), pull_of_sources(start.mu, before, 0.5))
+
+
+def test_equal_responsibilities_are_the_bound_with_a_uniform_table():
+    sources, mu = draw(1, 4, 3), draw(1, 2, 3, seed=1).requires_grad_()
+    pairwise = pairwise_kl(Gaussian(mu, 0.5 * eye(3).expand(1, 2, 3, 3)), sources, 0.7)
+    uniform = torch.full((1, 2, 4), -math.log(8)).double()
+    (expected,) = torch.autograd.grad(kl_bound(pairwise, uniform, uniform), mu)
+    ours = MixturePrior(sources, 0.7, "equal").pull(mu.detach())
+    torch.testing.assert_close(ours, expected)
