@@ -19,6 +19,7 @@ DEVICE ?=
 
 BIN     := $(VENV)/bin
 SET_UP  := $(VENV)/set-up-is-done
+KERNELS := vtlib/native/lib/up-to-date
 PYFILES := vtlib tests book/_ext
 # Only pages with cells: the rest of the Markdown has no code to check.
 PAGES    = $(shell grep -l '^kernelspec:' book/*.md)
@@ -36,18 +37,18 @@ export PYDEVD_DISABLE_FILE_VALIDATION := 1
 help:
 	@sed -n '/^#   make/s/^#   //p' Makefile
 
-book: $(SET_UP)
+book: $(KERNELS)
 	@echo "==> Building the book: 3 to 8 minutes the first time, seconds when little has changed."
 	@$(BIN)/python book/_ext/build.py
 
 # The book is built beside the other tests: one thread each, or they wait for each other.
 test: export OMP_NUM_THREADS := 1
-test: $(SET_UP)
+test: $(KERNELS)
 	@echo "==> Testing: about 19 minutes on two cores (linter, library, book from scratch, browser)."
 	@$(MAKE) --no-print-directory lint
 	@$(BIN)/python -m pytest
 
-lint: $(SET_UP)
+lint: $(KERNELS)
 	@echo "==> Checking style and types: a minute the first time, then seconds."
 	@$(BIN)/ruff check $(PYFILES)
 	@$(BIN)/ruff format --check $(PYFILES)
@@ -62,13 +63,13 @@ format: $(SET_UP)
 
 # Settings go into the environment, not into the user's home.
 lab: export JUPYTER_CONFIG_DIR := $(abspath $(VENV))/etc/jupyter-user
-lab: $(SET_UP)
+lab: $(KERNELS)
 	@echo "==> Opening JupyterLab: a few seconds; stop it with Ctrl-C. Pages open as notebooks."
 	@$(BIN)/jupytext-config set-default-viewer markdown python >/dev/null
 	@$(BIN)/jupyter lab $(LAB_OPTIONS) book
 
 # The book is drawn from the new runs when there are all of them, and even if some differ.
-reproduce: $(SET_UP)
+reproduce: $(KERNELS)
 	@echo "==> Computing stored runs again from nothing: all of them take hours, see the time left."
 	@echo "    Ctrl-C is safe: the same command goes on where it was stopped."
 	@$(BIN)/python -m vtlib reproduce $(addprefix --only ,$(ONLY)) $(addprefix --runs ,$(RUNS)) \
@@ -113,3 +114,8 @@ $(SET_UP): requirements.txt pyproject.toml
 	@$(BIN)/pip install -q -e . --no-deps --no-build-isolation
 	@$(BIN)/pip check
 	@touch $@
+
+# The loops in C++, compiled again when their sources change.
+$(KERNELS): $(SET_UP) $(wildcard vtlib/native/*.cpp vtlib/native/*.h) vtlib/native/build.py
+	@$(BIN)/python -m vtlib.native
+	@mkdir -p $(@D) && touch $@
