@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 
 import numpy as np
@@ -23,7 +24,7 @@ SAMPLES = 400  # of each component's posterior
 FEWER = 50  # the same where only a standard deviation is asked for
 
 
-class Probe:
+class Probe(ABC):
     """Looks at an agent now and then; ``arrays`` are stored with the returns."""
 
     def __init__(self, experiment: Experiment, label: str, runs: Sequence[int]) -> None:
@@ -38,8 +39,9 @@ class Probe:
         assert isinstance(agent, VariationalTransfer)
         self._noted.append(self._note(agent))
 
+    @abstractmethod
     def _note(self, agent: VariationalTransfer) -> dict[str, Tensor]:
-        raise NotImplementedError
+        """What is to be stored of the agent now."""
 
     def _samples(self, agent: VariationalTransfer, count: int) -> Tensor:
         """So many weights from each component of the present posterior."""
