@@ -1,4 +1,4 @@
-"""Learning without transfer: mellow TD and double deep Q-learning, exploring epsilon-greedily."""
+"""Learning without a posterior: mellow TD and double deep Q-learning, from nothing or a source."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import torch
 from attrs import field, frozen
 from torch import Tensor
 
-from vtlib.checks import between, check_kind, check_weights, positive, whole
+from vtlib.checks import between, check_kind, check_weights, kind, one_of, positive, whole
 from vtlib.qfunctions import QFunction
 from vtlib.replay import ReplayBuffer, Transition
 from vtlib.rng import Rng
@@ -19,7 +19,7 @@ from vtlib.td import td_gradients
 
 @frozen
 class LearnerSettings:
-    """Parameters that both baselines share; epsilon falls linearly from 1 to epsilon_end.
+    """Parameters that both baselines share; epsilon falls linearly from epsilon_start to epsilon_end.
 
     epsilon_steps: iterations over which epsilon falls. alpha: Adam's step size. Raises ValueError
     for a value outside its range.
@@ -33,6 +33,7 @@ class LearnerSettings:
     minibatch: int = field(default=50, validator=whole())
     buffer: int = field(default=50_000, validator=whole())
     alpha: float = field(default=1e-3, validator=positive())
+    epsilon_start: float = field(default=1.0, validator=between(0, 1))
 
 
 @frozen
@@ -59,6 +60,27 @@ class DDQNSettings(LearnerSettings):
     def agent(self, q: QFunction, w: Tensor, obs_dim: int, rng: Rng) -> DDQN:
         """A learner that starts from weights w (R, d)."""
         return DDQN(q, w, obs_dim, self, rng)
+
+
+@frozen
+class FineTuning:
+    """A learner that starts from the weights of "one" source, the first given, or their "mean".
+
+    The plainest transfer there is. Raises ValueError for a value outside its range.
+    """
+
+    transfers: ClassVar[bool] = True
+
+    learner: MellowTDSettings | DDQNSettings = field(validator=kind(LearnerSettings))
+    start: str = field(default="one", validator=one_of(("one", "mean")))
+
+    def first_weights(self, sources: Tensor) -> Tensor:
+        """The weights (R, d) to start from, of sources (R, S, d)."""
+        return sources[:, 0] if self.start == "one" else sources.mean(1)
+
+    def agent(self, q: QFunction, sources: Tensor, obs_dim: int, rng: Rng) -> EpsilonGreedyLearner:
+        """A learner that transfers from sources (R, S, d)."""
+        return self.learner.agent(q, self.first_weights(sources), obs_dim, rng)
 
 
 class EpsilonGreedyLearner(ABC):
@@ -89,7 +111,7 @@ class EpsilonGreedyLearner(ABC):
         """Epsilon-greedy actions (R,)."""
         s = self._settings
         progress = min(1.0, self._steps / s.epsilon_steps)
-        epsilon = 1 + progress * (s.epsilon_end - 1)
+        epsilon = s.epsilon_start + progress * (s.epsilon_end - s.epsilon_start)
         greedy = self._q.q(self.mu, self._q.prepare(obs.unsqueeze(1)))[:, 0, :, 0].argmax(-1)
         explore, choice = self._exploration.uniform(2).unbind(-1)
         random = (choice * self._q.n_actions).long().clamp_(max=self._q.n_actions - 1)

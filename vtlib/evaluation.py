@@ -15,12 +15,15 @@ from vtlib.rng import Rng
 class Evaluation:
     """Mean discounted return (R,) of ``episodes`` episodes of each run's greedy policy.
 
-    Every evaluation draws the same count of random numbers from its own streams, whatever
+    Q is averaged over components; or ``each`` of them plays the same episodes, and the returns are
+    averaged. Every evaluation draws the same count of random numbers from its own streams, whatever
     happens in the episodes, and so leaves the learning run alone.
     """
 
-    def __init__(self, q: QFunction, tasks: Tasks, rng: Rng, episodes: int = 10) -> None:
-        self._q, self._episodes = q, episodes
+    def __init__(
+        self, q: QFunction, tasks: Tasks, rng: Rng, episodes: int = 10, each: bool = False
+    ) -> None:
+        self._q, self._episodes, self._each = q, episodes, each
         self._noise, self._starts = rng.stream("test noise"), rng.stream("test start")
         self._runs = len(tasks)
         self._tasks = tasks.select(torch.arange(self._runs).repeat_interleave(episodes))
@@ -34,7 +37,7 @@ class Evaluation:
         self._tasks = self._tasks.select(copies.flatten())
 
     def __call__(self, mu: Tensor) -> Tensor:
-        """Evaluate means mu (R, C, d); with several components Q is averaged over them."""
+        """Evaluate means mu (R, C, d)."""
         return self.episodes(mu).mean(1)
 
     def episodes(self, mu: Tensor) -> Tensor:
@@ -43,7 +46,13 @@ class Evaluation:
         noise = self._noise.normal(self._episodes * tasks.horizon * tasks.noise_dim)
         noise = noise.reshape(copies, tasks.horizon, tasks.noise_dim)
         starts = self._starts.uniform(self._episodes * tasks.start_dim)
-        state = tasks.start(starts.reshape(copies, tasks.start_dim))
+        start = tasks.start(starts.reshape(copies, tasks.start_dim))
+        parts = mu.split(1, 1) if self._each else (mu,)
+        return torch.stack([self._play(part, start, noise) for part in parts]).mean(0)
+
+    def _play(self, mu: Tensor, state: Tensor, noise: Tensor) -> Tensor:
+        """The returns (R, episodes) of greedy policies from states, with the noise of each step."""
+        tasks, copies = self._tasks, len(state)
         alive, total, discount = torch.ones(copies), torch.zeros(copies), 1.0
         for h in range(tasks.horizon):
             action = self._greedy(mu, tasks.observe(state))

@@ -59,11 +59,12 @@ class Start(NamedTuple):
 class GaussianPrior:
     """N(mu_p, Sigma_p), fitted to sources (R, S, d) by eqs. 5.5 and 5.6, with jitter * I added.
 
-    Raises ValueError when sources are so far apart that rounding spoils the covariance.
+    The covariance is a sum over S - ddof. Raises ValueError when there are no more sources than
+    ddof, or when they are so far apart that rounding spoils the covariance.
     """
 
-    def __init__(self, sources: Tensor, jitter: float = PRIOR_JITTER) -> None:
-        mu, self._spread = sources_mean_and_spread(sources)
+    def __init__(self, sources: Tensor, jitter: float = PRIOR_JITTER, ddof: int = 0) -> None:
+        mu, self._spread = sources_mean_and_spread(sources, ddof)
         self.mu, self._jitter = mu.unsqueeze(1), jitter
         self.precision = low_rank_precision(self._spread, jitter)
 
@@ -106,13 +107,17 @@ class MixturePrior:
         return pull_of_sources(mu, self._sources, self._variance)
 
 
-def sources_mean_and_spread(sources: Tensor) -> tuple[Tensor, Tensor]:
+def sources_mean_and_spread(sources: Tensor, ddof: int = 0) -> tuple[Tensor, Tensor]:
     """Mean mu_p (..., d) of eq. 5.5, and B (..., d, S) with B B^T the covariance of eq. 5.6.
 
-    sources: (..., S, d) weights of S source tasks.
+    sources: (..., S, d) weights of S source tasks; the covariance's sum is divided by S - ddof.
+    Raises ValueError when that is not positive.
     """
+    freedom = sources.shape[-2] - ddof
+    if freedom < 1:
+        raise ValueError(f"sources must be more than ddof = {ddof}, got {sources.shape[-2]}")
     mu = sources.mean(-2)
-    spread = (sources - mu.unsqueeze(-2)).transpose(-1, -2) / sources.shape[-2] ** 0.5
+    spread = (sources - mu.unsqueeze(-2)).transpose(-1, -2) / freedom**0.5
     return mu, spread
 
 

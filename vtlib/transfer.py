@@ -44,9 +44,11 @@ class Settings:
     mixture may start with all components at their "mean", a Gaussian within their "span" (no
     variance but the sample's). act: draw weights at every "step" or once an "episode". covariance:
     a name in ``vtlib.posteriors.COVARIANCES``. patience: iterations that only act and remember.
-    jitter: added to the variances of the Gaussian prior. clip: bound on a gradient's entries, None
-    for none. kl: the divergence of the "full" L, or of its "diagonal" alone. responsibilities: the
-    "exact" ones, or "equal" for all sources. Raises ValueError for a value outside its range.
+    jitter: added to the variances of the Gaussian prior, whose covariance is a sum over S - ddof.
+    clip: bound on a gradient's entries, None for none; kl_clip: the same for the divergence's
+    gradient with respect to L before it is weighted. kl: the divergence of the "full" L, or of its
+    "diagonal" alone. responsibilities: the "exact" ones, or "equal" for all sources. Raises
+    ValueError for a value outside its range.
     """
 
     transfers: ClassVar[bool] = True
@@ -69,11 +71,14 @@ class Settings:
     covariance: str = field(default="full", validator=one_of(COVARIANCES))
     patience: int = field(default=0, validator=whole(0))
     jitter: float = field(default=PRIOR_JITTER, validator=positive())
+    ddof: int = field(default=0, validator=whole(0, 1))
     clip: float | None = field(default=1000.0)
+    kl_clip: float | None = field(default=None)
     kl: str = field(default="full", validator=one_of(("full", "diagonal")))
     responsibilities: str = field(default="exact", validator=one_of(("exact", "equal")))
 
     @clip.validator
+    @kl_clip.validator
     def _check_clip(self, attribute: Any, value: object) -> None:
         if value is not None:
             between(TINY, HUGE)(self, attribute, value)
@@ -100,7 +105,7 @@ class Settings:
     def prior(self, sources: Tensor) -> GaussianPrior | MixturePrior:
         """The prior learned from sources (R, S, d)."""
         if self.family == "gaussian":
-            return GaussianPrior(sources, self.jitter)
+            return GaussianPrior(sources, self.jitter, self.ddof)
         return MixturePrior(sources, self.sigma_p2, self.responsibilities)
 
 
@@ -130,7 +135,7 @@ class VariationalTransfer:
         self._posterior = COVARIANCES[s.covariance](
             start,
             self._prior.precision,
-            Descent(s.alpha_L, s.sigma_min, s.clip, s.kl),
+            Descent(s.alpha_L, s.sigma_min, s.clip, s.kl, s.kl_clip),
             rng.stream("posterior"),
             s.n_samples + 1,
         )

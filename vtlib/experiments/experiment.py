@@ -44,9 +44,9 @@ def _check_algorithm(name: str, value: object) -> None:
 class Pool:
     """A pool of source tasks of ``family``, solved without transfer.
 
-    A source is kept at the first check, from ``iterations`` on, at which its greedy policy passes:
-    over ``episodes`` episodes it reaches the ``required`` share, as the family measures it. The
-    others are trained on, up to ``limit`` iterations, and then begin anew, from the same weights
+    A source is kept at the first check, from ``iterations`` on, at which its greedy policy passes
+    twice: over ``episodes`` episodes, and over as many fresh ones, it reaches the ``required`` share,
+    as the family measures it. The others are trained on, up to ``limit`` iterations, and then begin anew, from the same weights
     with other random numbers, until they have had so many ``attempts``. ``common`` starts all
     networks from the same weights: only then do hidden units stay comparable between sources, so
     that weights can be averaged. Sources begin episodes where the family has it for sources, or,
@@ -91,8 +91,9 @@ class Experiment:
     ``runs_per_task`` consecutive runs have one target. ``counts`` names algorithms that use only
     the first so many of a run's sources; ``excluded`` are sources that no run may draw; ``visits``
     keeps the positions that the agents visit; ``probes`` is the number of places at which
-    the posterior is looked at along the way (see ``vtlib.experiments.probes``). Raises ValueError
-    for a value outside its range.
+    the posterior is looked at along the way (see ``vtlib.experiments.probes``). The greedy return
+    of a mixture is that of its mean Q-function, or the mean over ``each`` of its components. Raises
+    ValueError for a value outside its range.
     """
 
     name: str = field(validator=checks.name())
@@ -111,6 +112,7 @@ class Experiment:
     visits: bool = field(default=False, validator=checks.kind(bool))
     excluded: tuple[int, ...] = field(default=(), validator=checks.kind(tuple))
     probes: int = field(default=0, validator=checks.whole(0))
+    each: bool = field(default=False, validator=checks.kind(bool))
 
     def __attrs_post_init__(self) -> None:
         # sources are of use only to tasks with the same Q-function

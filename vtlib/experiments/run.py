@@ -88,7 +88,7 @@ def prepare(
 
 def _evaluation(experiment: Experiment, runs: Sequence[int]) -> Evaluation:
     q, rng = experiment.family.q(), Rng(experiment.stream, runs)
-    return Evaluation(q, targets(experiment, runs), rng, EVALUATION_EPISODES)
+    return Evaluation(q, targets(experiment, runs), rng, EVALUATION_EPISODES, experiment.each)
 
 
 def _given(experiment: Experiment, label: str, runs: Sequence[int], weights: np.ndarray) -> Tensor:

@@ -18,6 +18,9 @@ from vtlib.rng import Rng, Stream
 from vtlib.training import FINGERPRINTS, Agent, check_finite, fingerprint, iterate
 
 
+FRESH = 400  # episodes by which solved sources are judged in the end
+
+
 @runtime_checkable
 class Learner(Agent, Protocol):
     """An agent that can go on with some of its runs."""
@@ -90,7 +93,8 @@ def solve(
     """Train and check some sources of a pool until each is solved or has had its attempts.
 
     Returns arrays over the sources: index, the tasks' parameters, weights (S, d), iterations
-    trained in all, greedy (return of the kept weights), optimum, solved and fingerprints.
+    trained in all, greedy (return of the kept weights), optimum, solved, fingerprints, and what
+    the kept weights earn on episodes that decided nothing: fresh, and whether that passes, passes.
     """
     found = _attempt(pool, sources, 0, progress)
     for attempt in range(1, pool.attempts):
@@ -101,10 +105,16 @@ def solve(
         better = again["solved"] | (again["greedy"] > found["greedy"][left])
         for key in ("weights", "iterations", "greedy", "solved"):
             found[key][np.array(left)[better]] = again[key][better]
+    tasks = pool_tasks(pool, sources)
+    evaluate = Evaluation(pool.family.q(), tasks, Rng(f"{pool.stream} fresh", sources), FRESH)
+    returns = evaluate.episodes(torch.from_numpy(found["weights"]).unsqueeze(1))
+    optimum = torch.from_numpy(found["optimum"])
     return {
         "index": np.array(sources),
-        **pool.family.values(pool_tasks(pool, sources)),
+        **pool.family.values(tasks),
         **found,
+        "fresh": returns.mean(1).numpy(),
+        "passes": pool.family.solved(returns, optimum, pool.required).numpy(),
     }
 
 
@@ -126,6 +136,10 @@ def _attempt(
         returns = training.evaluate.episodes(training.agent.mu)
         earned = returns.mean(1)
         passed = pool.family.solved(returns, optimum[left], pool.required)
+        if passed.any():  # the check that ends the training is partly luck: fresh episodes decide
+            again = training.evaluate.episodes(training.agent.mu)
+            passed &= pool.family.solved(again, optimum[left], pool.required)
+            earned = torch.where(passed, again.mean(1), earned)
         # an unsolved source keeps the best weights that any check has seen
         better = passed | (earned > greedy[left])
         weights[left[better]] = training.agent.mu.detach()[better, 0]

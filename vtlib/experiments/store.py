@@ -30,7 +30,7 @@ Arrays = dict[str, np.ndarray]
 Note = dict[str, Any]  # plain JSON values
 # What an experiment's targets depend on, and what its runs depend on beside that and the algorithm.
 OF_TASKS = ("family", "runs", "sources", "stream", "runs_per_task", "excluded")
-OF_RUNS = ("iterations", "every", "visits", "probes")
+OF_RUNS = ("iterations", "every", "visits", "probes", "each")
 
 
 class TornResult(RuntimeError):

@@ -9,8 +9,8 @@ constexpr int MOST_COMPONENTS = 3, MOST_SOURCES = 10, WINDOW = 50;
 // Plain numbers, by the names of vtlib.transfer.Settings.
 struct Settings {
   int32_t family, components, sources, n_samples, minibatch, buffer, equal, diagonal_kl, epsilon_steps;
-  float lambda, psi, kappa, gamma, alpha_mu, alpha_L, sigma_min, clip, scale, epsilon_end;
-  float task[4];  // what tells the task apart
+  float lambda, psi, kappa, gamma, alpha_mu, alpha_L, sigma_min, clip, kl_clip, scale;
+  float epsilon_start, epsilon_end, task[5];  // what tells the task apart
 };
 
 // Random numbers of each role, as many as the iterations ask for.
@@ -51,7 +51,7 @@ template <class Task> void sample(Run<Task> &run, int c, const float *noise, boo
     for (int k = 0; k < count; k++) run.upcoming[i][k] = noise[k * D + i];
   const Settings &s = run.s;
   int sources = s.family == GAUSSIAN ? s.sources : 0;
-  Descent f = {D, s.n_samples, sources, s.diagonal_kl, s.alpha_L, s.sigma_min, s.clip, s.scale};
+  Descent f = {D, s.n_samples, sources, s.diagonal_kl, s.alpha_L, s.sigma_min, s.clip, s.kl_clip, s.scale};
   step_and_multiply(f, run.L[c], run.W[0], run.WL[0], run.next[0], run.gradient, run.z[c][0],
                     run.upcoming, run.samples[c], pull, step);
   for (int i = 0; i < D; i++) at(run.samples[c][i]) += run.mu[c][i];
@@ -162,7 +162,8 @@ template <class Task> void iterate(Run<Task> &run, int iterations, Random random
     t.action = Task::greedy(run.samples[acting], run.observation);
     if (s.family == LEARNER) {
       float progress = (float)run.steps / s.epsilon_steps;
-      float epsilon = 1 + (progress < 1 ? progress : 1) * (s.epsilon_end - 1);
+      progress = progress < 1 ? progress : 1;
+      float epsilon = s.epsilon_start + progress * (s.epsilon_end - s.epsilon_start);
       if (random.exploration[0] < epsilon) t.action = (int)(random.exploration[1] * Task::ACTIONS);
       random.exploration += 2;
     }

@@ -10,10 +10,11 @@ static inline int columns_of(int block) { return padded(ROWS * (block + 1)); }
 static inline float bounded(float x, float most) { return x > most ? most : x < -most ? -most : x; }
 
 // What a step needs to know: the prior's precision is scale * (I - W W^T), with `sources` columns W;
-// with `diagonal` the divergence is felt by diag(L) alone. clip bounds the gradient's entries.
+// with `diagonal` the divergence is felt by diag(L) alone. clip bounds the gradient's entries, kl_clip
+// before it is weighted those of the divergence's.
 struct Descent {
   int32_t d, n_samples, sources, diagonal;
-  float alpha, sigma_min, clip, scale;
+  float alpha, sigma_min, clip, kl_clip, scale;
 };
 
 static int64_t factor_size(int d) {
@@ -43,7 +44,7 @@ static void step_and_multiply(const Descent f, float *L, const float *W, float *
                               const float (*upcoming)[LANES], float (*out)[LANES], float pull,
                               bool step) {
   const int wide = padded(f.d), sources = f.diagonal ? 0 : f.sources;
-  const Lanes clip = all(f.clip);
+  const Lanes clip = all(f.clip), kl_clip = all(f.kl_clip);
   for (int i = 0; i < sources * wide; i += LANES) at(next + i) = Lanes{};
   for (int first = 0, block = 0; first < f.d; first += ROWS, block++) {
     int width = columns_of(block), rows = f.d - first < ROWS ? f.d - first : ROWS;
@@ -60,9 +61,11 @@ static void step_and_multiply(const Descent f, float *L, const float *W, float *
         Lanes along = at(WL + j * wide + col);
         for (int r = 0; r < ROWS; r++) kl[r] -= W[j * wide + first + r] * along;
       }
-      float weight = f.diagonal ? 0 : pull * f.scale;
-      for (int r = 0; r < ROWS; r++)
-        at(L + r * width + col) -= f.alpha * bounded(slope[r] + weight * kl[r], clip);
+      float weight = f.diagonal ? 0 : pull;
+      for (int r = 0; r < ROWS; r++) {
+        slope[r] += weight * bounded(f.scale * kl[r], kl_clip);
+        at(L + r * width + col) -= f.alpha * bounded(slope[r], clip);
+      }
     }
     for (int r = 0; r < rows && step; r++) {
       // the diagonal, which the divergence also pushes by -1 / L_ii, and nothing right of it
@@ -71,7 +74,7 @@ static void step_and_multiply(const Descent f, float *L, const float *W, float *
       for (int k = 1; k <= f.n_samples; k++) slope += gradient[row][k] * z[k * wide + row];
       for (int j = 0; j < f.sources; j++)
         kl -= W[j * wide + row] * (f.diagonal ? W[j * wide + row] * diagonal[r] : WL[j * wide + row]);
-      slope += pull * (kl * f.scale - 1 / diagonal[r]);
+      slope += pull * bounded(kl * f.scale - 1 / diagonal[r], f.kl_clip);
       float own = diagonal[r] - f.alpha * bounded(slope, f.clip);
       L[r * width + row] = own < f.sigma_min ? f.sigma_min : own;
       for (int i = row + 1; i < width; i++) L[r * width + i] = 0;

@@ -139,7 +139,7 @@ struct Cartpole : Network<Cartpole, 4, 32, 2> {
   }
 };
 
-// task: the velocity that an action adds.
+// task: the velocity that an action adds, and the reward at the goal.
 struct MountainCar : Network<MountainCar, 2, 64, 3> {
   static constexpr int START = 1, HORIZON = 200;
   static void start(const Settings &, float *state, const float *u) {
@@ -152,7 +152,7 @@ struct MountainCar : Network<MountainCar, 2, 64, 3> {
     x[0] = x[0] < -1.2f ? -1.2f : x[0] > 0.6f ? 0.6f : x[0];
     bool goal = x[0] >= 0.5f;
     if (x[0] <= -1.2f && x[1] < 0) x[1] = 0;
-    reward = goal ? 0 : -1;
+    reward = goal ? task[1] : -1;
     return goal;
   }
 };

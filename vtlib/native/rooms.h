@@ -92,13 +92,13 @@ struct Rooms {
     const float moves[ACTIONS][2] = {{0, 1}, {1, 0}, {0, -1}, {-1, 0}};
     int walls = (int)s.task[2];
     float to[2];
+    bool blocked = false;
     t.now = features(from);
     for (int i = 0; i < 2; i++) {
-      float jolt = 0.2f * motion[i];
-      to[i] = (from[i] + moves[t.action][i]) + jolt;
-      to[i] = to[i] < 0 ? 0 : to[i] > 10 ? 10 : to[i];
+      float jolt = 0.2f * motion[i], aim = (from[i] + moves[t.action][i]) + jolt;
+      to[i] = aim < 0 ? 0 : aim > 10 ? 10 : aim;
+      blocked |= s.task[4] && to[i] != aim;  // the frontier stops the agent, or lets it slide
     }
-    bool blocked = false;
     for (int w = 0; w < walls; w++) {
       float wall = 10.0f * (w + 1) / (walls + 1), dx = to[0] - from[0], dy = to[1] - from[1];
       if ((from[1] < wall) == (to[1] < wall)) continue;

@@ -15,7 +15,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from vtlib.baselines import MellowTDSettings
+from vtlib.baselines import FineTuning, MellowTDSettings
 from vtlib.envs.base import TaskFamily, Tasks
 from vtlib.native import kernels
 from vtlib.posteriors.dense import start_factors
@@ -25,11 +25,12 @@ from vtlib.transfer import Settings
 
 LEARNER, GAUSSIAN, MIXTURE = range(3)
 LANES, MOST_COMPONENTS, MOST_SOURCES, MOST_BATCH, WINDOW = 16, 3, 10, 512, 50
+MOST_PARAMETERS = 5  # of a task
 LINE = 64  # bytes that a cache line has, at multiples of which the kernel's arrays lie
 AHEAD = 16  # iterations whose random numbers are drawn at a time
 NO_CLIP = 3e38
 INTEGERS = "family components sources n_samples minibatch buffer equal diagonal_kl epsilon_steps"
-NUMBERS = "lambda_ psi kappa gamma alpha_mu alpha_L sigma_min clip scale epsilon_end"
+NUMBERS = "lambda_ psi kappa gamma alpha_mu alpha_L sigma_min clip kl_clip scale epsilon_start epsilon_end"
 ROLES = ("posterior", "component", "replay", "noise", "start", "exploration")
 
 _Floats = ctypes.POINTER(ctypes.c_float)
@@ -41,7 +42,7 @@ class _Settings(ctypes.Structure):
     _fields_ = [
         *((name, ctypes.c_int32) for name in INTEGERS.split()),
         *((name, ctypes.c_float) for name in NUMBERS.split()),
-        ("task", ctypes.c_float * 4),
+        ("task", ctypes.c_float * MOST_PARAMETERS),
     ]
 
 
@@ -58,6 +59,8 @@ def supports(family: TaskFamily, algorithm: Any, sources: int) -> bool:
         return False
     if getattr(library, f"{family.kernel}_weights")() != family.q().d:
         return False
+    if isinstance(algorithm, FineTuning):
+        algorithm = algorithm.learner
     # not what derives from them, whose agent may be another one
     if type(algorithm) not in (MellowTDSettings, Settings) or algorithm.minibatch > MOST_BATCH:
         return False
@@ -86,6 +89,9 @@ class NativeRun:
         name: str,
         run: int,
     ) -> None:
+        if isinstance(algorithm, FineTuning):
+            given = algorithm.first_weights(given.unsqueeze(0))[0]
+            algorithm = algorithm.learner
         library = kernels()
         self._call = {
             part: getattr(library, f"{family.kernel}_{part}")
@@ -137,10 +143,11 @@ class NativeRun:
         s, to = self._algorithm, self._settings
         for name in ("minibatch", "buffer", "psi", "kappa", "gamma"):
             setattr(to, name, getattr(s, name))
-        to.task[:] = [*parameters, *[0.0] * (4 - len(parameters))]
+        to.task[:] = [*parameters, *[0.0] * (MOST_PARAMETERS - len(parameters))]
         if not s.transfers:
             to.family, to.components, to.alpha_mu, to.clip = LEARNER, 1, s.alpha, NO_CLIP
-            to.epsilon_steps, to.epsilon_end = s.epsilon_steps, s.epsilon_end
+            for name in ("epsilon_steps", "epsilon_start", "epsilon_end"):
+                setattr(to, name, getattr(s, name))
             self.mu = self.mu[:1]
             self.mu[:] = given.numpy()
             return np.zeros(0, np.float32)
@@ -148,6 +155,7 @@ class NativeRun:
             setattr(to, name, getattr(s, name))
         to.family = GAUSSIAN if s.family == "gaussian" else MIXTURE
         to.sources, to.clip = len(given), NO_CLIP if s.clip is None else s.clip
+        to.kl_clip = NO_CLIP if s.kl_clip is None else s.kl_clip
         to.equal, to.diagonal_kl = s.responsibilities == "equal", s.kl == "diagonal"
         prior = s.prior(given.unsqueeze(0))
         start = prior.start(s.components, s.init)

@@ -15,15 +15,16 @@ from vtlib.rng import Stream
 class Descent(NamedTuple):
     """Plain gradient descent on L: its step size alpha, and what bounds gradients and diagonals.
 
-    clip bounds each entry of the gradient, None leaves them as they are; sigma_min is the least
-    value on the diagonal of L. kl is "full", or "diagonal" when the divergence is felt by diag(L)
-    alone.
+    clip bounds each entry of the gradient and kl_clip, before it is weighted, each of the
+    divergence's; None leaves them as they are. sigma_min is the least value on the diagonal of L.
+    kl is "full", or "diagonal" when the divergence is felt by diag(L) alone.
     """
 
     alpha: float
     sigma_min: float
     clip: float | None = None
     kl: str = "full"
+    kl_clip: float | None = None
 
 
 class Posterior(Protocol):
@@ -64,7 +65,9 @@ class FactorPosterior(ABC):
         self.mu = start.mu
         self._precision, self._kl = precision, descent.kl
         self._alpha, self._sigma_min = descent.alpha, descent.sigma_min
-        self._clip = math.inf if descent.clip is None else descent.clip
+        self._clip, self._kl_clip = (
+            math.inf if bound is None else bound for bound in (descent.clip, descent.kl_clip)
+        )
         self._noise, self._n_samples = noise, n_samples
         self._start(start)
 

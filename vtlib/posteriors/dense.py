@@ -29,14 +29,15 @@ class Dense(FactorPosterior):
         return torch.bmm(z, self._L.mT)
 
     def _descend(self, gradients: Tensor, z: Tensor, kl_weight: float) -> None:
-        gradient = torch.bmm(gradients.mT, z)
-        diagonal, slope = (x.diagonal(dim1=1, dim2=2) for x in (self._L, gradient))
+        diagonal = self._L.diagonal(dim1=1, dim2=2)
         if self._kl == "full":
-            gradient.add_(self._precision.times(self._L), alpha=kl_weight)
+            pull = self._precision.times(self._L)
         else:
             own = self._precision.diagonal(diagonal.shape[1]).to(diagonal.device)
-            slope.add_(own * diagonal, alpha=kl_weight)
-        slope.sub_(kl_weight / diagonal)
+            pull = torch.diag_embed(own * diagonal)
+        pull.diagonal(dim1=1, dim2=2).sub_(1 / diagonal)
+        pull.clamp_(-self._kl_clip, self._kl_clip)
+        gradient = torch.baddbmm(pull, gradients.mT, z, beta=kl_weight)
         self._L.sub_(gradient.clamp_(-self._clip, self._clip).tril_(), alpha=self._alpha)
         diagonal.clamp_(min=self._sigma_min)
 

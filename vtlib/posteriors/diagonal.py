@@ -32,7 +32,7 @@ class Diagonal(FactorPosterior):
         return z * self._sigma.unsqueeze(1)
 
     def _descend(self, gradients: Tensor, z: Tensor, kl_weight: float) -> None:
-        gradient = (gradients * z).sum(1)
-        gradient += kl_weight * (self._pull * self._sigma - 1 / self._sigma)
+        pull = (self._pull * self._sigma - 1 / self._sigma).clamp_(-self._kl_clip, self._kl_clip)
+        gradient = (gradients * z).sum(1).add_(pull, alpha=kl_weight)
         self._sigma -= self._alpha * gradient.clamp_(-self._clip, self._clip)
         self._sigma.clamp_(min=self._sigma_min)

@@ -22,7 +22,7 @@ class _Descent(ctypes.Structure):
 
     _fields_ = [
         *((name, ctypes.c_int32) for name in ("d", "n_samples", "sources", "diagonal")),
-        *((name, ctypes.c_float) for name in ("alpha", "sigma_min", "clip", "scale")),
+        *((name, ctypes.c_float) for name in ("alpha", "sigma_min", "clip", "kl_clip", "scale")),
     ]
 
 
@@ -70,6 +70,7 @@ class Fused(FactorPosterior):
             alpha=self._alpha,
             sigma_min=self._sigma_min,
             clip=min(self._clip, LARGEST),
+            kl_clip=min(self._kl_clip, LARGEST),
             scale=scale,
         )
 

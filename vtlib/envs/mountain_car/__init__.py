@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import torch
-from attrs import frozen
+from attrs import evolve, field, frozen
 from torch import Tensor
 
-from vtlib.checks import check_whole
+from vtlib.checks import between, check_whole
 from vtlib.envs.base import Plane, TaskFamily
 from vtlib.envs.mountain_car.plan import earned
 from vtlib.envs.mountain_car.tasks import GOAL, MAX_SPEED, POSITIONS, MountainCar
@@ -18,7 +18,12 @@ __all__ = ["MountainCar", "MountainCarFamily"]
 
 @frozen
 class MountainCarFamily(TaskFamily):
-    """Mountain car tasks with a speed uniform in [0.001, 0.0015] (thesis section 6.2.2)."""
+    """Mountain car tasks with a speed uniform in [0.001, 0.0015] (thesis section 6.2.2).
+
+    `last_reward` is that of the step to the goal. Raises ValueError when it is not in [-1, 0].
+    """
+
+    last_reward: float = field(default=0.0, validator=between(-1, 0))
 
     parameters = MountainCar.parameters
     limits = (-90.0, -35.0)
@@ -43,4 +48,9 @@ class MountainCarFamily(TaskFamily):
     def sample(self, rng: np.random.Generator, count: int) -> MountainCar:
         """Draw `count` tasks, independent and alike. Raises ValueError when count < 1."""
         check_whole("count", count)
-        return MountainCar.of(count, speed=rng.uniform(0.001, 0.0015, count))
+        tasks = MountainCar.of(count, speed=rng.uniform(0.001, 0.0015, count))
+        return evolve(tasks, last_reward=self.last_reward)
+
+    def kernel_parameters(self, tasks: MountainCar, row: int) -> list[float]:
+        """The speed, and the reward of the step to the goal."""
+        return [float(tasks.speed[row]), tasks.last_reward]

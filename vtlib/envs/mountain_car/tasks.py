@@ -5,9 +5,10 @@ from __future__ import annotations
 from typing import ClassVar
 
 import torch
-from attrs import frozen
+from attrs import field, frozen
 from torch import Tensor
 
+from vtlib.checks import between
 from vtlib.envs.base import ParameterBatch
 
 GRAVITY = 0.0025
@@ -20,11 +21,13 @@ GOAL = 0.5
 class MountainCar(ParameterBatch):
     """A batch of R mountain car tasks, with the equations of Gymnasium's MountainCar-v0.
 
-    `speed` (R,) is the velocity that an action adds in one step. A state is the car's position, in
-    [-1.2, 0.6], and its velocity per step, in [-0.07, 0.07].
+    `speed` (R,) is the velocity that an action adds in one step; `last_reward` is what the step that
+    reaches the goal earns, every other one -1. A state is the car's position, in [-1.2, 0.6], and
+    its velocity per step, in [-0.07, 0.07].
     """
 
     speed: Tensor
+    last_reward: float = field(default=0.0, validator=between(-1, 0))
 
     parameters: ClassVar[tuple[str, ...]] = ("speed",)
     n_actions: ClassVar[int] = 3
@@ -42,7 +45,7 @@ class MountainCar(ParameterBatch):
         """Drive every car once: next state (R, 2), reward (R,) float32, terminated (R,) bool.
 
         `action` (R,) int64 is 0 for left, 1 for none and 2 for right, `noise` is (R, 0). The reward
-        is -1, and 0 at the goal. Raises ValueError when a shape is another one.
+        is -1, or `last_reward` at the goal. Raises ValueError when a shape is another one.
         """
         self._check_step(state, action, noise)
         position, velocity = state.unbind(1)
@@ -53,4 +56,5 @@ class MountainCar(ParameterBatch):
         at_wall = (position <= POSITIONS[0]) & (velocity < 0)
         terminated = position >= GOAL
         next_state = torch.stack([position, velocity.masked_fill(at_wall, 0.0)], 1)
-        return next_state, terminated.float() - 1, terminated
+        reward = torch.where(terminated, self.last_reward, -1.0)
+        return next_state, reward, terminated

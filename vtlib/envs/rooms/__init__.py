@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import cast
+
 import attrs
 import numpy as np
 import torch
-from attrs import frozen
+from attrs import field, frozen
 from torch import Tensor
 
-from vtlib.checks import check_between, check_positive, check_whole, shown
-from vtlib.envs.base import TaskFamily
+from vtlib.checks import check_between, check_positive, check_whole, kind, shown, whole
+from vtlib.envs.base import TaskFamily, Tasks
 from vtlib.envs.rooms.plan import plan_rooms
 from vtlib.envs.rooms.tasks import DOOR_RANGE, Rooms
 from vtlib.qfunctions import RBFLinear
@@ -25,12 +28,16 @@ class RoomsFamily(TaskFamily):
 
     `rooms` is 2 or 3; `fixed_lower` puts the lowest door at one place in every task (thesis
     6.1.2); `normal` = (mean, standard deviation) draws the doors from a Normal distribution,
-    clipped to [0.5, 9.5] (thesis 6.1.4). Raises ValueError on any other value.
+    clipped to [0.5, 9.5] (thesis 6.1.4); `ladder` has the targets' doors go through so many evenly
+    spaced places in turn, one task after the other. The frontier lets agents slide unless it
+    `stops` them. Raises ValueError on any other value.
     """
 
     rooms: int = 3
     fixed_lower: float | None = None
     normal: tuple[float, float] | None = None
+    ladder: int = field(default=0, validator=whole(0))
+    stops: bool = field(default=False, validator=kind(bool))
 
     parameters = Rooms.parameters
     limits = (-0.02, 0.9)
@@ -73,12 +80,23 @@ class RoomsFamily(TaskFamily):
             doors = rng.normal(*self.normal, shape).clip(*DOOR_RANGE)
         if self.fixed_lower is not None:
             doors[:, 0] = self.fixed_lower
-        return Rooms.from_doors(doors)
+        return Rooms.from_doors(doors, stops=self.stops)
+
+    def draw_tasks(self, stream: str, runs: Sequence[int]) -> Rooms:
+        """One task for each run, whatever the other runs are."""
+        if not self.ladder:
+            return cast(Rooms, super().draw_tasks(stream, runs))
+        rungs = np.linspace(*DOOR_RANGE, self.ladder)[np.array(runs) % self.ladder]
+        return Rooms.from_doors(np.repeat(rungs[:, None], self.rooms - 1, 1), stops=self.stops)
+
+    def source_tasks(self, stream: str, sources: Sequence[int]) -> Tasks:
+        """The tasks of some sources of a pool: each drawn from a generator of its own."""
+        return super().draw_tasks(stream, sources)
 
     def kernel_parameters(self, tasks: Rooms, row: int) -> list[float]:
-        """Both doors, the number of walls, and whether episodes start anywhere."""
+        """Both doors, the number of walls, whether starts are anywhere and the frontier stops."""
         doors = tasks.doors[row].tolist()
-        return [doors[0], doors[-1], float(len(doors)), float(tasks.uniform_start)]
+        return [doors[0], doors[-1], len(doors), tasks.uniform_start, tasks.stops]
 
     def for_sources(self, tasks: Rooms) -> Rooms:
         """The same rooms with episodes that start anywhere.

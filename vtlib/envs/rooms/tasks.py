@@ -34,12 +34,14 @@ class Rooms(TaskBatch):
 
     `doors` (R, W) float32 are the centres of the doors, in [0.5, 9.5], lowest wall first; `walls`
     (W,) float32 are the walls' heights, increasing; `uniform_start` starts episodes anywhere in the
-    square instead of at (0, 0). Raises ValueError on any other value or shape.
+    square instead of at (0, 0); along the frontier of the square agents slide, or it `stops` them
+    as walls do. Raises ValueError on any other value or shape.
     """
 
     doors: Tensor = field(validator=kind(Tensor))
     walls: Tensor = field(validator=kind(Tensor))
     uniform_start: bool = field(default=False, validator=kind(bool))
+    stops: bool = field(default=False, validator=kind(bool))
 
     parameters: ClassVar[tuple[str, ...]] = ("doors",)
     n_actions: ClassVar[int] = 4
@@ -68,13 +70,15 @@ class Rooms(TaskBatch):
             raise ValueError(f"doors must lie in [{low:g}, {high:g}], got {doors[wrong][0]:g}")
 
     @classmethod
-    def from_doors(cls, doors: ArrayLike, uniform_start: bool = False) -> Rooms:
+    def from_doors(
+        cls, doors: ArrayLike, uniform_start: bool = False, stops: bool = False
+    ) -> Rooms:
         """Tasks with doors (R, W), or one task with doors (W,), and rooms of equal height."""
         centres = torch.from_numpy(float_array("doors", doors))
         centres = centres[None] if centres.ndim == 1 else centres
         if centres.ndim != 2 or centres.shape[1] == 0:
             raise ValueError(f"doors must have shape (R, W) or (W,), got {tuple(centres.shape)}")
-        return cls(centres, even_walls(centres.shape[1]), uniform_start)
+        return cls(centres, even_walls(centres.shape[1]), uniform_start, stops)
 
     def start(self, u: Tensor) -> Tensor:
         """First states (R, 2) from uniform numbers `u` (R, 2) in [0, 1)."""
@@ -89,8 +93,12 @@ class Rooms(TaskBatch):
         self._check_step(state, action, noise)
         # Scaling and adding stay separate operations, each rounded on its own: whether a kernel
         # fuses them may depend on the row's place in the batch.
-        proposed = (state + _MOVES[action] + NOISE_SCALE * noise).clamp(0.0, SIDE)
-        next_state = torch.where(self._blocked(state, proposed), state, proposed)
+        aimed = state + _MOVES[action] + NOISE_SCALE * noise
+        proposed = aimed.clamp(0.0, SIDE)
+        blocked = self._blocked(state, proposed)
+        if self.stops:
+            blocked = blocked | (aimed != proposed).any(1, keepdim=True)
+        next_state = torch.where(blocked, state, proposed)
         offset = SIDE - next_state
         terminated = (offset * offset).sum(1) <= GOAL_RADIUS**2
         return next_state, terminated.float(), terminated
