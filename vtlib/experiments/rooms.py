@@ -1,97 +1,169 @@
-"""The rooms experiments (section 6.1) with the parameters of appendix A.1."""
+"""The rooms experiments (section 6.1) with the parameters of appendix A.1, in both protocols."""
 
 from __future__ import annotations
 
+from typing import Any
+
 from attrs import evolve
 
-from vtlib.baselines import MellowTDSettings
+from vtlib.baselines import FineTuning, MellowTDSettings
 from vtlib.envs.rooms import RoomsFamily
 from vtlib.experiments.experiment import Algorithm, Experiment, Pool, sliders_of
+from vtlib.experiments.protocols import FINE_TUNED, FINE_TUNED_GREEDY, FROM_MEAN
+from vtlib.experiments.protocols import Protocols, as_published
 from vtlib.transfer import Settings
 
-# The thesis gives this schedule for the sources; its baseline only begins to learn at 7,000
-# iterations, which is where this schedule ends.
-NT = MellowTDSettings(epsilon_steps=7_000)
-NT_FAST = MellowTDSettings(epsilon_steps=2_000)
+ITERATIONS = 20_000
+PUBLISHED_BUFFER = 50_000
+NT = MellowTDSettings(epsilon_steps=14_000)
+# A learner that hardly explores: what its start knows is all that it has.
+NT_GREEDY = evolve(NT, epsilon_start=NT.epsilon_end)
 GVT = Settings(family="gaussian", lambda_=1e-4)
 MGVT = Settings(family="mixture", lambda_=1e-6)
-
-ALGORITHMS: dict[str, Algorithm] = {
-    "3-MGVT": evolve(MGVT, components=3),
-    "3-MGVT-mean": evolve(MGVT, components=3, init="mean"),
-    "2-MGVT": evolve(MGVT, components=2),
-    "GVT": GVT,
-    "GVT-span": evolve(GVT, init="span"),
-    "1-MGVT": MGVT,
-    "1-MGVT-mean": evolve(MGVT, init="mean"),
-    "NT": NT,
-    "NT-fast": NT_FAST,
+PUBLISHED_GVT = evolve(as_published(GVT), lambda_=1e-3, buffer=PUBLISHED_BUFFER)
+PUBLISHED_MGVT = evolve(as_published(MGVT), buffer=PUBLISHED_BUFFER)
+FINE_TUNING: dict[str, Algorithm] = {
+    FINE_TUNED: FineTuning(NT),
+    FINE_TUNED_GREEDY: FineTuning(NT_GREEDY),
+    FROM_MEAN: FineTuning(NT_GREEDY, "mean"),
 }
 
 
-def _only(*labels: str) -> dict[str, Algorithm]:
-    return {label: ALGORITHMS[label] for label in labels}
+def _transfer(gaussian: Settings, mixture: Settings, *counts: int) -> dict[str, Algorithm]:
+    """GVT and mixtures of so many components, the longest first."""
+    mixtures = {f"{c}-MGVT": evolve(mixture, components=c) for c in counts}
+    return {**mixtures, "GVT": gaussian, "1-MGVT": mixture}
+
+
+def _protocols(
+    name: str,
+    pool: Pool,
+    family: RoomsFamily,
+    *counts: int,
+    nt: MellowTDSettings = NT,
+    fine: bool = True,
+    **fields: Any,
+) -> Protocols:
+    """An experiment as published and by the equations, with mixtures of so many components.
+
+    The frontier of the rooms lets agents slide in the published code, and stops them in the text.
+    Fine-tuning, which the thesis does not have, runs as published.
+    """
+    published = Experiment(
+        name,
+        pool,
+        family,
+        {
+            **_transfer(PUBLISHED_GVT, PUBLISHED_MGVT, *counts),
+            "NT": nt,
+            **(FINE_TUNING if fine else {}),
+        },
+        each=True,
+        **{"iterations": ITERATIONS, **fields},
+    )
+    stopped = evolve(pool, name=f"{pool.name}-equations", family=evolve(pool.family, stops=True))
+    equations = evolve(
+        published,
+        name=f"{name}-equations",
+        pool=stopped,
+        family=evolve(family, stops=True),
+        algorithms={**_transfer(GVT, MGVT, *counts), "NT": nt},
+        each=False,
+    )
+    return Protocols(published, equations)
 
 
 THREE_ROOMS = Pool("rooms-3-sources", RoomsFamily(rooms=3))
+ROOMS_EVALUATION = _protocols("rooms-evaluation", THREE_ROOMS, RoomsFamily(rooms=3), 3)
 
-ROOMS_EVALUATION = Experiment(
-    name="rooms-evaluation",
-    pool=THREE_ROOMS,
-    family=RoomsFamily(rooms=3),
-    algorithms={label: one for label, one in ALGORITHMS.items() if label != "2-MGVT"},
+# Half as far as the figure: the thesis compares GVT and 1-MGVT at 5,000 iterations.
+INGREDIENT_ITERATIONS = 5_000
+# From the published settings to those of the equations, one ingredient at a time; and one lambda.
+ROOMS_INGREDIENTS = evolve(
+    ROOMS_EVALUATION.published,
+    name="rooms-ingredients",
+    algorithms={
+        "GVT": PUBLISHED_GVT,
+        "GVT, no clip": evolve(PUBLISHED_GVT, kl_clip=None),
+        "GVT, from the prior": evolve(PUBLISHED_GVT, init="sources"),
+        "GVT, covariance with n": evolve(PUBLISHED_GVT, ddof=0),
+        "GVT, lambda 1e-4": evolve(PUBLISHED_GVT, lambda_=GVT.lambda_),
+        "GVT, lambda 1e-6": evolve(PUBLISHED_GVT, lambda_=MGVT.lambda_),
+        "GVT, buffer 10,000": evolve(PUBLISHED_GVT, buffer=GVT.buffer),
+        "GVT, from the prior, no clip": evolve(PUBLISHED_GVT, init="sources", kl_clip=None),
+        "1-MGVT": PUBLISHED_MGVT,
+        "1-MGVT, from a source": evolve(PUBLISHED_MGVT, init="sources"),
+        "1-MGVT, exact responsibilities": evolve(PUBLISHED_MGVT, responsibilities="exact"),
+        "1-MGVT, full KL": evolve(PUBLISHED_MGVT, kl="full"),
+        "1-MGVT, lambda 1e-3": evolve(PUBLISHED_MGVT, lambda_=PUBLISHED_GVT.lambda_),
+        "1-MGVT, buffer 10,000": evolve(PUBLISHED_MGVT, buffer=MGVT.buffer),
+        "1-MGVT, by the episode": evolve(PUBLISHED_MGVT, act="episode"),
+    },
+    iterations=INGREDIENT_ITERATIONS,
+)
+# The same with the frontier of the text, and with sources that start where targets do.
+ROOMS_FRONTIER = evolve(
+    ROOMS_INGREDIENTS,
+    name="rooms-frontier",
+    pool=ROOMS_EVALUATION.equations.pool,
+    family=ROOMS_EVALUATION.equations.family,
+    algorithms={"GVT": PUBLISHED_GVT, "1-MGVT": PUBLISHED_MGVT},
+)
+ROOMS_CORNER = evolve(
+    ROOMS_FRONTIER,
+    name="rooms-corner-sources",
+    family=THREE_ROOMS.family,
+    # from the corner chance rarely leads to the goal: these count as they are
+    pool=evolve(
+        THREE_ROOMS,
+        name="rooms-3-corner-sources",
+        limit=THREE_ROOMS.iterations,
+        as_targets=True,
+    ),
 )
 
-ROOMS_CALIBRATION = evolve(
-    ROOMS_EVALUATION,
-    name="rooms-calibration",
-    algorithms=_only("3-MGVT", "GVT", "1-MGVT"),
-    every=500,
-    probes=500,
-)
-
-ROOMS_SLIDERS = sliders_of(ROOMS_EVALUATION, "rooms-sliders", 10, 5_000)
+ROOMS_SLIDERS = sliders_of(ROOMS_EVALUATION.published, "rooms-sliders", 10, 5_000)
 
 FIXED_LOWER = 5.0  # where the lower door of every source is, in section 6.1.2
-ROOMS_CHANGE = Experiment(
-    name="rooms-distribution-change",
-    pool=Pool("rooms-3-fixed-lower-sources", RoomsFamily(rooms=3, fixed_lower=FIXED_LOWER)),
-    family=RoomsFamily(rooms=3),
-    algorithms=_only("3-MGVT", "GVT", "GVT-span", "1-MGVT", "NT"),
+ROOMS_CHANGE = _protocols(
+    "rooms-distribution-change",
+    Pool("rooms-3-fixed-lower-sources", RoomsFamily(rooms=3, fixed_lower=FIXED_LOWER)),
+    RoomsFamily(rooms=3),
+    3,
+)
+ROOMS_CHANGE_SLIDERS = sliders_of(
+    ROOMS_CHANGE.published, "rooms-distribution-change-sliders", 10, 3_000
 )
 
-ROOMS_CHANGE_SLIDERS = sliders_of(ROOMS_CHANGE, "rooms-distribution-change-sliders", 10, 3_000)
-
 TWO_ROOMS = Pool("rooms-2-sources", RoomsFamily(rooms=2))
-
-ROOMS_EXPLORATION = Experiment(
-    name="rooms-exploration",
-    pool=TWO_ROOMS,
-    family=RoomsFamily(rooms=2, fixed_lower=5.0),
+ROOMS_EXPLORATION = _protocols(
+    "rooms-exploration",
+    TWO_ROOMS,
+    RoomsFamily(rooms=2, fixed_lower=5.0),
     # NT explores for the same share of the run as above
-    algorithms={**_only("GVT", "GVT-span", "1-MGVT"), "NT": evolve(NT, epsilon_steps=1_400)},
+    nt=evolve(NT, epsilon_steps=1_400),
     iterations=2_000,
     visits=True,
 )
 
 LIKELIHOOD_DOORS = (5.0, 1.8)  # mean and standard deviation of the door, in section 6.1.4
-ROOMS_LIKELIHOOD = Experiment(
-    name="rooms-likelihood",
-    pool=Pool("rooms-2-normal-sources", RoomsFamily(rooms=2, normal=LIKELIHOOD_DOORS)),
-    family=RoomsFamily(rooms=2, normal=LIKELIHOOD_DOORS),
-    algorithms=_only("GVT", "1-MGVT"),
+NORMAL_ROOMS = Pool("rooms-2-normal-sources", RoomsFamily(rooms=2, normal=LIKELIHOOD_DOORS))
+ROOMS_LIKELIHOOD = _protocols(
+    "rooms-likelihood",
+    NORMAL_ROOMS,
+    NORMAL_ROOMS.family,
     runs=400,
     runs_per_task=20,
     iterations=4_000,
 )
-ROOMS_LIKELIHOOD_SLIDERS = sliders_of(ROOMS_LIKELIHOOD, "rooms-likelihood-sliders", 20, 1_000)
-
-ROOMS_LIKELIHOOD_STARTS = evolve(
-    ROOMS_LIKELIHOOD,
-    name="rooms-likelihood-starts",
-    algorithms=_only("GVT-span", "1-MGVT-mean"),
-    runs=100,
-    runs_per_task=5,
+# The published targets are no draws: their doors are half a unit apart.
+ROOMS_LIKELIHOOD = ROOMS_LIKELIHOOD._replace(
+    published=evolve(
+        ROOMS_LIKELIHOOD.published, family=RoomsFamily(rooms=2, ladder=19), runs=380
+    )
+)
+ROOMS_LIKELIHOOD_SLIDERS = sliders_of(
+    ROOMS_LIKELIHOOD.published, "rooms-likelihood-sliders", 19, 1_000
 )
 
 SOURCE_COUNTS = tuple(range(2, 11))
@@ -102,63 +174,57 @@ def count_name(algorithm: str, count: int) -> str:
     return f"{algorithm}-from-{count}"
 
 
-COUNTED = _only("2-MGVT", "GVT", "GVT-span", "1-MGVT", "1-MGVT-mean")
-ROOMS_SOURCES = Experiment(
-    name="rooms-number-of-sources",
-    pool=TWO_ROOMS,
-    family=RoomsFamily(rooms=2),
-    algorithms={count_name(a, n): COUNTED[a] for a in COUNTED for n in SOURCE_COUNTS},
-    counts={count_name(a, n): n for a in COUNTED for n in SOURCE_COUNTS},
-    iterations=1_950,
-    every=50,
+def _by_count(experiment: Experiment) -> Experiment:
+    """Every algorithm that transfers with each number of sources, and no other."""
+    moving = {x: one for x, one in experiment.algorithms.items() if one.transfers}
+    return evolve(
+        experiment,
+        algorithms={count_name(x, n): one for x, one in moving.items() for n in SOURCE_COUNTS},
+        counts={count_name(x, n): n for x in moving for n in SOURCE_COUNTS},
+    )
+
+
+ROOMS_SOURCES = Protocols(
+    *map(
+        _by_count,
+        _protocols(
+            "rooms-number-of-sources",
+            TWO_ROOMS,
+            RoomsFamily(rooms=2),
+            2,
+            iterations=1_950,
+            every=50,
+        ),
+    )
 )
 
-# Half of the rooms evaluation: the thesis compares GVT and 1-MGVT at 5,000 iterations.
-DEVIATION_ITERATIONS = 5_000
-# One choice at a time that thesis, published code and this library make differently.
-ROOMS_DEVIATIONS = evolve(
-    ROOMS_EVALUATION,
-    name="rooms-deviations",
+ROOMS_CALIBRATION = evolve(
+    ROOMS_EVALUATION.published,
+    name="rooms-calibration",
     algorithms={
-        "GVT-diagonal-KL": evolve(GVT, kl="diagonal"),
-        "1-MGVT-diagonal-KL": evolve(MGVT, kl="diagonal"),
-        "1-MGVT-mean-equal": evolve(MGVT, init="mean", responsibilities="equal"),
-        "GVT-jitter-1e-06": evolve(GVT, jitter=1e-6),
-        "GVT-jitter-1e-02": evolve(GVT, jitter=1e-2),
-        "GVT-no-clip": evolve(GVT, clip=None),
-        "1-MGVT-no-clip": evolve(MGVT, clip=None),
-        "GVT-sigma-min": evolve(GVT, sigma_min=1e-2),
-        "1-MGVT-sigma-min": evolve(MGVT, sigma_min=1e-2),
-        "GVT-by-episode": evolve(GVT, act="episode"),
-        "1-MGVT-by-episode": evolve(MGVT, act="episode"),
+        "3-MGVT": evolve(PUBLISHED_MGVT, components=3),
+        "GVT": PUBLISHED_GVT,
+        "GVT, lambda 1e-6": evolve(PUBLISHED_GVT, lambda_=MGVT.lambda_),
+        "1-MGVT": PUBLISHED_MGVT,
+        "GVT, equations": GVT,
+        "1-MGVT, equations": MGVT,
     },
-    iterations=DEVIATION_ITERATIONS,
-)
-
-# Sources that start where targets do: chance rarely leads them to the goal.
-ROOMS_CORNER = evolve(
-    ROOMS_DEVIATIONS,
-    name="rooms-corner-sources",
-    pool=evolve(
-        THREE_ROOMS,
-        name="rooms-3-corner-sources",
-        limit=THREE_ROOMS.iterations,
-        as_targets=True,
-    ),
-    algorithms=_only("GVT", "1-MGVT"),
+    iterations=10_000,
+    every=500,
+    probes=500,
 )
 
 EXPERIMENTS = (
-    ROOMS_EVALUATION,
-    ROOMS_SLIDERS,
-    ROOMS_CHANGE,
-    ROOMS_CHANGE_SLIDERS,
-    ROOMS_EXPLORATION,
-    ROOMS_LIKELIHOOD,
-    ROOMS_LIKELIHOOD_SLIDERS,
-    ROOMS_LIKELIHOOD_STARTS,
-    ROOMS_SOURCES,
-    ROOMS_CALIBRATION,
-    ROOMS_DEVIATIONS,
+    *ROOMS_EVALUATION,
+    *ROOMS_CHANGE,
+    *ROOMS_EXPLORATION,
+    *ROOMS_LIKELIHOOD,
+    *ROOMS_SOURCES,
+    ROOMS_INGREDIENTS,
+    ROOMS_FRONTIER,
     ROOMS_CORNER,
+    ROOMS_CALIBRATION,
+    ROOMS_SLIDERS,
+    ROOMS_CHANGE_SLIDERS,
+    ROOMS_LIKELIHOOD_SLIDERS,
 )
