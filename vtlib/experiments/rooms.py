@@ -175,12 +175,16 @@ def count_name(algorithm: str, count: int) -> str:
 
 
 def _by_count(experiment: Experiment) -> Experiment:
-    """Every algorithm that transfers with each number of sources, and no other."""
-    moving = {x: one for x, one in experiment.algorithms.items() if one.transfers}
+    """Every algorithm that knows how many sources there are, with each number of them."""
+    counted = {
+        label: one
+        for label, one in experiment.algorithms.items()
+        if one.transfers and label not in (FINE_TUNED, FINE_TUNED_GREEDY)
+    }
     return evolve(
         experiment,
-        algorithms={count_name(x, n): one for x, one in moving.items() for n in SOURCE_COUNTS},
-        counts={count_name(x, n): n for x in moving for n in SOURCE_COUNTS},
+        algorithms={count_name(x, n): one for x, one in counted.items() for n in SOURCE_COUNTS},
+        counts={count_name(x, n): n for x in counted for n in SOURCE_COUNTS},
     )
 
 
