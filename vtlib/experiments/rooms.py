@@ -97,9 +97,25 @@ ROOMS_INGREDIENTS = evolve(
         "1-MGVT, full KL": evolve(PUBLISHED_MGVT, kl="full"),
         "1-MGVT, lambda 1e-3": evolve(PUBLISHED_MGVT, lambda_=PUBLISHED_GVT.lambda_),
         "1-MGVT, buffer 10,000": evolve(PUBLISHED_MGVT, buffer=MGVT.buffer),
-        "1-MGVT, by the episode": evolve(PUBLISHED_MGVT, act="episode"),
     },
     iterations=INGREDIENT_ITERATIONS,
+)
+# What remains of the published code's choices, and of numbers that the text leaves open.
+ROOMS_DEVIATIONS = evolve(
+    ROOMS_INGREDIENTS,
+    name="rooms-deviations",
+    algorithms={
+        "GVT, diagonal KL": evolve(PUBLISHED_GVT, kl="diagonal"),
+        "GVT, jitter 1e-6": evolve(PUBLISHED_GVT, jitter=1e-6),
+        "GVT, jitter 1e-2": evolve(PUBLISHED_GVT, jitter=1e-2),
+        "GVT, no clip at all": evolve(PUBLISHED_GVT, clip=None, kl_clip=None),
+        "1-MGVT, no clip at all": evolve(PUBLISHED_MGVT, clip=None),
+        "GVT, sigma_min 1e-2": evolve(PUBLISHED_GVT, sigma_min=1e-2),
+        "1-MGVT, sigma_min 1e-2": evolve(PUBLISHED_MGVT, sigma_min=1e-2),
+        "GVT, by the episode": evolve(PUBLISHED_GVT, act="episode"),
+        "1-MGVT, by the episode": evolve(PUBLISHED_MGVT, act="episode"),
+        "NT, epsilon over 7,000": evolve(NT, epsilon_steps=7_000),
+    },
 )
 # The same with the frontier of the text, and with sources that start where targets do.
 ROOMS_FRONTIER = evolve(
@@ -131,10 +147,6 @@ ROOMS_CHANGE = _protocols(
     RoomsFamily(rooms=3),
     3,
 )
-ROOMS_CHANGE_SLIDERS = sliders_of(
-    ROOMS_CHANGE.published, "rooms-distribution-change-sliders", 10, 3_000
-)
-
 TWO_ROOMS = Pool("rooms-2-sources", RoomsFamily(rooms=2))
 ROOMS_EXPLORATION = _protocols(
     "rooms-exploration",
@@ -161,9 +173,6 @@ ROOMS_LIKELIHOOD = ROOMS_LIKELIHOOD._replace(
     published=evolve(
         ROOMS_LIKELIHOOD.published, family=RoomsFamily(rooms=2, ladder=19), runs=380
     )
-)
-ROOMS_LIKELIHOOD_SLIDERS = sliders_of(
-    ROOMS_LIKELIHOOD.published, "rooms-likelihood-sliders", 19, 1_000
 )
 
 SOURCE_COUNTS = tuple(range(2, 11))
@@ -225,10 +234,9 @@ EXPERIMENTS = (
     *ROOMS_LIKELIHOOD,
     *ROOMS_SOURCES,
     ROOMS_INGREDIENTS,
+    ROOMS_DEVIATIONS,
     ROOMS_FRONTIER,
     ROOMS_CORNER,
     ROOMS_CALIBRATION,
     ROOMS_SLIDERS,
-    ROOMS_CHANGE_SLIDERS,
-    ROOMS_LIKELIHOOD_SLIDERS,
 )
