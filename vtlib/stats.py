@@ -38,6 +38,26 @@ def difference_interval(a: ndarray, b: ndarray) -> Interval:
     return mean_interval(np.subtract(*_checked(a, b)))
 
 
+def ratio_interval(a: ndarray, b: ndarray) -> Interval:
+    """Ratio of the means of paired runs a and b, both (R,), with its 95 % interval to first order."""
+    a, b = _checked(a, b)
+    ratio, below = a.mean() / b.mean(), abs(b.mean())
+    return _student(ratio, stats.sem(a - ratio * b) / below, len(a) - 1)
+
+
+def spread_interval(a: ndarray, b: ndarray, rng: Generator, draws: int = 2000) -> Interval:
+    """Ratio of the standard deviations of paired runs a and b, both (R,), with a bootstrap interval.
+
+    Pairs of runs are resampled whole; a ratio over runs that are all alike is left out.
+    """
+    a, b = _checked(a, b)
+    chosen = rng.integers(len(a), size=(draws, len(a)))
+    below = b[chosen].std(1, ddof=1)
+    ratios = a[chosen].std(1, ddof=1)[below > 0] / below[below > 0]
+    centre = a.std(ddof=1) / b.std(ddof=1)
+    return Interval(centre, *np.quantile(ratios, [0.025, 0.975]))
+
+
 def slope_interval(x: ndarray, y: ndarray) -> Interval:
     """Least-squares slope of y on x, both (R,), with its 95 % Student interval.
 

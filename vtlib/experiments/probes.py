@@ -73,7 +73,8 @@ class CoverageProbe(Probe):
 
     States are uniform in the square, actions uniform. There are two truths: the planned optimal
     value, and the one planned with mellowmax, which is what the algorithms' TD errors ask for.
-    Noted are the shares inside (R, T, 2, levels) and mean errors (R, T, 2), beside truths (R, 2).
+    Noted are the shares inside (R, T, 2, levels), mean errors (R, T, 2) and how far apart the
+    components' means are (R, T), as a standard deviation of values, beside truths (R, 2).
     """
 
     def __init__(
@@ -95,7 +96,10 @@ class CoverageProbe(Probe):
     def _note(self, agent: VariationalTransfer) -> dict[str, Tensor]:
         values = values_at(self._q, self._samples(agent, SAMPLES), self._obs, self._action)
         shares, off = inside(values, self._truths), (values.mean(1) - self._truths).mean(-1)
-        return {"inside": shares.transpose(0, 1), "off": off.T}
+        q = self._q.q(agent.mu.detach().cpu(), self._q.prepare(self._obs))
+        taken = self._action[:, None, None].expand(-1, q.shape[1], 1, -1)
+        apart = q.gather(2, taken).std(1, correction=0).mean((1, 2))
+        return {"inside": shares.transpose(0, 1), "off": off.T, "apart": apart}
 
     @property
     def arrays(self) -> dict[str, np.ndarray]:
