@@ -19,7 +19,7 @@ from vtlib.td import td_gradients
 
 @frozen
 class LearnerSettings:
-    """Parameters that both baselines share; epsilon falls linearly from epsilon_start to epsilon_end.
+    """Parameters that both baselines share; epsilon falls linearly from its start to its end.
 
     epsilon_steps: iterations over which epsilon falls. alpha: Adam's step size. Raises ValueError
     for a value outside its range.

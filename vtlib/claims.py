@@ -22,6 +22,7 @@ from vtlib.stats import Interval, mean_interval, ratio_interval, spread_interval
 
 REPRODUCED, NOT = "reproduced", "not reproduced"
 UNDECIDED, STRONGER = "undecided", "stronger than claimed"
+VERDICTS = REPRODUCED, STRONGER, UNDECIDED, NOT
 OPTIMAL = 0.9  # a return that misses the optimum by at most a tenth is called optimal
 EARLY = 500  # iterations within which a start shows
 
@@ -140,7 +141,7 @@ class Printed:
     def spread(self, other: Printed, t: int) -> Interval:
         """Width of the band at an iteration, by that of another algorithm."""
         own, others = (x.learning.at(t) for x in (self, other))
-        return exactly((own.high - own.low) / (others.high - others.low))
+        return exactly(float((own.high - own.low) / (others.high - others.low)))
 
     def restlessness(self, t: int) -> Interval:
         """How much faster the mean greedy curve moves until an iteration than afterwards."""
@@ -198,14 +199,16 @@ class Figure:
         self,
         text: str,
         number: str,
-        measure: Callable[[Mapping[str, Any]], Interval],
-        *,
+        measure: Callable[..., Interval],
+        *labels: str,
         printed: bool = True,
         **bounds: Any,
     ) -> Claim:
-        """A claim whose number ``measure`` takes of all algorithms, by their labels."""
-        found = {protocol: measure(runs) for protocol, runs in self.runs.items()}
-        seen = measure(self.printed) if printed and self.printed else None
+        """A claim whose number is measured of the runs with some labels."""
+        found = {
+            protocol: measure(*(runs[x] for x in labels)) for protocol, runs in self.runs.items()
+        }
+        seen = measure(*(self.printed[x] for x in labels)) if printed and self.printed else None
         return Claim(text, number, found, seen, **bounds)
 
     def overlap(self, protocol: str, label: str, kind: str) -> float:

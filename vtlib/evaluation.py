@@ -15,15 +15,16 @@ from vtlib.rng import Rng
 class Evaluation:
     """Mean discounted return (R,) of ``episodes`` episodes of each run's greedy policy.
 
-    Q is averaged over components; or ``each`` of them plays the same episodes, and the returns are
-    averaged. Every evaluation draws the same count of random numbers from its own streams, whatever
-    happens in the episodes, and so leaves the learning run alone.
+    With several weights for a run Q is their "mean", or their "max" at each action (generalised
+    policy improvement); or "each" plays the same episodes, and returns are averaged. Every
+    evaluation draws the same count of random numbers from its own streams, whatever happens in the
+    episodes, and so leaves the learning run alone.
     """
 
     def __init__(
-        self, q: QFunction, tasks: Tasks, rng: Rng, episodes: int = 10, each: bool = False
+        self, q: QFunction, tasks: Tasks, rng: Rng, episodes: int = 10, over: str = "mean"
     ) -> None:
-        self._q, self._episodes, self._each = q, episodes, each
+        self._q, self._episodes, self._over = q, episodes, over
         self._noise, self._starts = rng.stream("test noise"), rng.stream("test start")
         self._runs = len(tasks)
         self._tasks = tasks.select(torch.arange(self._runs).repeat_interleave(episodes))
@@ -47,7 +48,7 @@ class Evaluation:
         noise = noise.reshape(copies, tasks.horizon, tasks.noise_dim)
         starts = self._starts.uniform(self._episodes * tasks.start_dim)
         start = tasks.start(starts.reshape(copies, tasks.start_dim))
-        parts = mu.split(1, 1) if self._each else (mu,)
+        parts = mu.split(1, 1) if self._over == "each" else (mu,)
         return torch.stack([self._play(part, start, noise) for part in parts]).mean(0)
 
     def _play(self, mu: Tensor, state: Tensor, noise: Tensor) -> Tensor:
@@ -66,4 +67,5 @@ class Evaluation:
 
     def _greedy(self, mu: Tensor, obs: Tensor) -> Tensor:
         values = self._q.q(mu, self._q.prepare(obs.view(self._runs, self._episodes, -1)))
-        return values.mean(1).argmax(1).view(-1)
+        values = values.amax(1) if self._over == "max" else values.mean(1)
+        return values.argmax(1).view(-1)

@@ -20,7 +20,8 @@ from matplotlib.typing import LineStyleType
 from PIL import Image
 from xarray import Dataset
 
-from vtlib.stats import mean_interval
+from vtlib.experiments.published import PublishedCurve
+from vtlib.stats import Interval, mean_interval
 
 # Okabe and Ito's palette, told apart with any colour vision.
 COLOURS = {
@@ -30,7 +31,11 @@ COLOURS = {
     "1-MGVT": "#D55E00",
     "2-MGVT": "#CC79A7",
     "3-MGVT": "#009E73",
+    "fine-tuned": "#B8860B",
+    "fine-tuned, greedy": "#E69F00",
+    "fine-tuned mean": "#56B4E9",
 }
+PUBLISHED = "#8a8a8a"
 OPTIMUM = "#1a1a1a"
 KINDS = MappingProxyType({"learning return": "learning", "greedy return": "greedy"})
 # Line styles tell curves apart in print, and variants of one algorithm from it.
@@ -40,6 +45,8 @@ STYLES: dict[str, LineStyleType] = {
     "GVT": (0, (5, 1.5)),
     "2-MGVT": "-.",
     "3-MGVT": (0, (6, 1, 1, 1)),
+    "fine-tuned": (0, (1, 1)),
+    "fine-tuned mean": (0, (4, 1)),
 }
 STYLE: dict[Any, Any] = {  # by matplotlib's names of its settings
     "figure.facecolor": "white",
@@ -144,23 +151,64 @@ def returns_figure(
         return learning_figure(panels(runs, kinds), mean_optimum(runs), limits, title)
 
 
-def starts_figure(
-    runs: Mapping[str, Dataset], starts: Mapping[str, str], limits: tuple[float, float]
+def over_published(
+    runs: Mapping[str, Dataset],
+    printed: Mapping[str, Mapping[str, PublishedCurve]],
+    limits: tuple[float, float],
+    start: float = 0.0,
 ) -> Figure:
-    """Learning return of algorithms from the minimiser of the KL, and dashed from another start.
+    """Each algorithm's runs, thin, with their mean and band, over the published curve in grey.
 
-    starts: {algorithm: name of its other start}, whose returns are "algorithm-start" in runs.
+    printed: {kind: {algorithm: curve}}, kinds "learning" and "greedy"; a row of panels for each.
+    Learning returns are drawn from the iteration ``start`` on, when episodes have ended.
     """
-    both = {}
-    for label, start in starts.items():
-        first, second = runs[label], runs[f"{label}-{start}"]
-        at, colour = first.iteration.values, COLOURS[label]
-        both[f"{label}, dashed from the {start}"] = [
-            Curve("minimiser of the KL", at, first.learning.values, colour),
-            Curve("other start", at, second.learning.values, colour, (0, (2, 1))),
-        ]
+    labels = [x for x in runs if x in printed["learning"]]
     with look():
-        return learning_figure(both, mean_optimum(runs), limits)
+        figure = BookFigure(figsize=(7.6, 4.4))
+        axes = figure.subplots(2, len(labels), sharex=True, sharey=True, squeeze=False)
+        for row, (name, kind) in zip(axes, KINDS.items(), strict=True):
+            for ax, label in zip(row, labels, strict=True):
+                stored, theirs = runs[label], printed[kind][label]
+                stored = stored.sel(iteration=slice(start, None))
+                at, values = stored.iteration.values, stored[kind].values
+                ax.plot(at, values.T, color=COLOURS[label], lw=0.4, alpha=0.25)
+                ax.fill_between(
+                    theirs.iterations, theirs.low, theirs.high, color=PUBLISHED, alpha=0.35, lw=0
+                )
+                ax.plot(theirs.iterations, theirs.mean, color=PUBLISHED, lw=1.5, label="published")
+                draw_curves(ax, [curve("here", label, at, values)])
+                ax.axhline(float(stored.optimum.mean()), color=OPTIMUM, ls="--", lw=0.9)
+                ax.set_ylim(*limits)
+                ax.set_xlabel("")
+            row[0].set_ylabel(name)
+        for ax, label in zip(axes[0], labels, strict=True):
+            ax.set_title(label, color=COLOURS[label])
+        figure.supxlabel("thousand iterations", fontsize=10)
+        return figure
+
+
+def intervals_figure(
+    groups: Mapping[str, Mapping[str, Interval]], xlabel: str, colours: Mapping[str, str]
+) -> Figure:
+    """Numbers with their intervals, one below the other, a panel for each group.
+
+    The first of a group is the one that others are compared with: a line marks it.
+    """
+    with look():
+        rows = max(len(group) for group in groups.values())
+        figure = BookFigure(figsize=(7.6, 1.0 + 0.26 * rows))
+        axes = figure.subplots(1, len(groups), sharex=True, squeeze=False)[0]
+        for ax, (name, group) in zip(axes, groups.items(), strict=True):
+            for y, one in enumerate(group.values()):
+                ax.plot([one.low, one.high], [y, y], color=colours[name], lw=1.4)
+                ax.plot(one.centre, y, "o", color=colours[name], ms=5)
+            first = next(iter(group.values()))
+            ax.axvline(float(first.centre), color=colours[name], lw=0.8, ls=":")
+            ax.set_yticks(range(len(group)), list(group))
+            ax.invert_yaxis()
+            ax.set_title(name)
+            ax.set_xlabel(xlabel)
+        return figure
 
 
 def mean_optimum(runs: Mapping[str, Dataset]) -> float:

@@ -39,16 +39,16 @@ def difference_interval(a: ndarray, b: ndarray) -> Interval:
 
 
 def ratio_interval(a: ndarray, b: ndarray) -> Interval:
-    """Ratio of the means of paired runs a and b, both (R,), with its 95 % interval to first order."""
+    """Ratio of the means of paired runs a and b (R,), with its 95 % interval to first order."""
     a, b = _checked(a, b)
     ratio, below = a.mean() / b.mean(), abs(b.mean())
     return _student(ratio, stats.sem(a - ratio * b) / below, len(a) - 1)
 
 
 def spread_interval(a: ndarray, b: ndarray, rng: Generator, draws: int = 2000) -> Interval:
-    """Ratio of the standard deviations of paired runs a and b, both (R,), with a bootstrap interval.
+    """Ratio of the standard deviations of paired runs a and b (R,), with its 95 % interval.
 
-    Pairs of runs are resampled whole; a ratio over runs that are all alike is left out.
+    Bootstrap: pairs of runs are resampled whole; a ratio over runs that are all alike is left out.
     """
     a, b = _checked(a, b)
     chosen = rng.integers(len(a), size=(draws, len(a)))

@@ -10,7 +10,8 @@ import attrs
 import numpy as np
 from xarray import Dataset
 
-from vtlib.claims import Claim, Runs
+from vtlib.claims import VERDICTS, Claim, Figure
+from vtlib.costs import Cost
 from vtlib.experiments.experiment import Experiment
 from vtlib.plots import power_of_ten
 from vtlib.rng import generator
@@ -30,37 +31,83 @@ def html_table(head: Row, rows: Iterable[Row]) -> str:
     return f"<table><thead>{line(head, 'th')}</thead><tbody>{body}</tbody></table>"
 
 
+PROTOCOLS = {"published": "As published", "equations": "By the equations"}
+
+
 def claims_table(claims: Sequence[Claim]) -> str:
-    """Claims with their verdicts and numbers."""
-    return _claims("Claim", (_claim_row(one, escape(one.text)) for one in claims))
+    """Claims with what decides about them: the number, its bounds, and both protocols' verdicts."""
+    return _claims(map(_claim_row, claims))
 
 
 def scorecard_table(pages: Mapping[str, tuple[str, Sequence[Claim]]]) -> str:
-    """Claims with their tests, verdicts and numbers below a link to each page.
-
-    pages: {name of the page: (its title, its claims)}.
-    """
+    """The claims of all pages below a link to each: {name of the page: (its title, its claims)}."""
     rows = []
     for page, (title, claims) in pages.items():
         link = f"<a href='{escape(page)}.html#the-claims'>{escape(title)}</a>"
-        rows.append(f"<tr><th colspan='3'>{link}</th></tr>")
-        for one in claims:
-            words = f"{escape(one.text)}<br><small>{escape(one.test)}</small>"
-            rows.append(_claim_row(one, words))
-    return _claims("Claim and test", rows)
+        rows.append(f"<tr><th colspan='{2 + len(PROTOCOLS)}'>{link}</th></tr>")
+        rows += map(_claim_row, claims)
+    return _claims(rows)
 
 
-def _claims(first: str, rows: Iterable[str]) -> str:
-    head = f"<tr><th>{first}</th><th>Verdict</th><th>Numbers</th></tr>"
-    return f"<table class='claims'><thead>{head}</thead><tbody>{''.join(rows)}</tbody></table>"
+def _claims(rows: Iterable[str]) -> str:
+    heads = ["Claim, and the number that decides", *PROTOCOLS.values(), "Published curve"]
+    head = "".join(f"<th>{x}</th>" for x in heads)
+    body = f"<thead><tr>{head}</tr></thead><tbody>{''.join(rows)}</tbody>"
+    return f"<table class='claims'>{body}</table>"
 
 
-def _claim_row(claim: Claim, words: str) -> str:
+def _claim_row(claim: Claim) -> str:
     # The first word of the verdict is a class, by which the book colours its cell.
-    return (
-        f"<tr><td>{words}</td><td class='verdict {claim.verdict.split()[0]}'>"
-        f"{escape(claim.verdict)}</td><td>{escape(claim.evidence)}</td></tr>"
-    )
+    cells = []
+    for protocol in PROTOCOLS:
+        if protocol not in claim.found:
+            cells.append("<td></td>")
+            continue
+        verdict = claim.verdict(protocol)
+        number = escape(_interval(claim.found[protocol]))
+        cells.append(
+            f"<td class='verdict {verdict.split()[0]}'>{verdict}<br><small>{number}</small></td>"
+        )
+    printed = "" if claim.printed is None else escape(_interval(claim.printed))
+    ours = " <em>(a claim of this book's)</em>" if claim.ours else ""
+    words = f"{escape(claim.text)}{ours}<br><small>{escape(claim.number)}: {claim.bounds}</small>"
+    return f"<tr><td>{words}</td>{''.join(cells)}<td><small>{printed}</small></td></tr>"
+
+
+def tally(claims: Iterable[Claim], protocol: str) -> dict[str, int]:
+    """How many claims of the thesis' own have each verdict in a protocol."""
+    found = [x.verdict(protocol) for x in claims if protocol in x.found and not x.ours]
+    return {verdict: found.count(verdict) for verdict in VERDICTS}
+
+
+def overlap_table(figures: Mapping[str, Figure]) -> str:
+    """Share of the iterations at which our interval meets the published one, for each curve."""
+    rows = [
+        [title, label, kind, *(f"{figure.overlap(x, label, kind):.0%}" for x in PROTOCOLS)]
+        for title, figure in figures.items()
+        for label in figure.printed
+        for kind in ("learning", "greedy")
+    ]
+    return html_table(["figure", "algorithm", "return", *PROTOCOLS.values()], rows)
+
+
+def cost_of_sources_table(costs: Mapping[str, Cost]) -> str:
+    """What sources cost each algorithm, and what they save of the steps of one task."""
+    head = ["algorithm", "steps on sources", "steps to solve a task", "without transfer"]
+    head += ["saved per task", "never solved", "tasks until it has paid"]
+    rows = [
+        [
+            label,
+            f"{one.sources:,.0f}",
+            f"{one.with_transfer.mean():,.0f}",
+            f"{one.without.mean():,.0f}",
+            f"{one.saved.centre:,.0f} ({one.saved.low:,.0f} to {one.saved.high:,.0f})",
+            f"{one.unsolved} of {len(one.with_transfer)}; without {one.unsolved_without}",
+            f"{one.tasks:.0f}" if np.isfinite(one.tasks) else "never",
+        ]
+        for label, one in costs.items()
+    ]
+    return html_table(head, rows)
 
 
 def settings_table(experiment: Experiment) -> str:
@@ -112,7 +159,10 @@ def robust_table(
     runs: {label: stored returns}, against one of the labels. Intervals are Student's for the mean,
     and otherwise from a bootstrap within tasks that is seeded by the label.
     """
-    shares = {x: Runs(x, stored).shares(iteration) for x, stored in runs.items()}
+    shares = {
+        x: (stored.learning.sel(iteration=iteration) / stored.optimum).values
+        for x, stored in runs.items()
+    }
     each, rows = experiment.runs_per_task, []
     strata = np.arange(len(shares[against])) // each if each > 1 else None
     for label, share in shares.items():

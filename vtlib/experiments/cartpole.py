@@ -9,8 +9,13 @@ from attrs import evolve
 from vtlib.baselines import DDQNSettings, FineTuning, MellowTDSettings
 from vtlib.envs.cartpole import CartpoleFamily
 from vtlib.experiments.experiment import Algorithm, Experiment, Pool, sliders_of
-from vtlib.experiments.protocols import FINE_TUNED, FINE_TUNED_GREEDY, FROM_MEAN
-from vtlib.experiments.protocols import Protocols, as_published
+from vtlib.experiments.protocols import (
+    FINE_TUNED,
+    FINE_TUNED_GREEDY,
+    FROM_MEAN,
+    Protocols,
+    as_published,
+)
 from vtlib.transfer import Settings
 
 ITERATIONS = 10_000
@@ -31,9 +36,10 @@ def _transfer(gaussian: Settings, mixture: Settings) -> dict[str, Algorithm]:
     return {"3-MGVT": evolve(mixture, components=3), "GVT": gaussian, "1-MGVT": mixture}
 
 
-# Section 6.2.1 refers to section 5.1.4: sources by mellow TD. With the text's minibatch of 150 their
-# Q-values are larger than the published sources' by half, and their weights twice as far apart;
-# with 32 both are alike, and so is the pace at which they learn.
+# Section 6.2.1 refers to section 5.1.4: sources by mellow TD. With the text's minibatch of 150
+# their Q-values are larger than the published sources' by half, and their weights twice as far
+# apart; with 32 both are alike.
+MELLOW_TD = MellowTDSettings(epsilon_steps=int(0.35 * ITERATIONS), minibatch=150)
 TEXT_CARTPOLES = Pool(
     "cartpole-sources-equations",
     CartpoleFamily(),
@@ -41,12 +47,12 @@ TEXT_CARTPOLES = Pool(
     iterations=10_000,
     limit=50_000,
     required=0.95,
-    settings=MellowTDSettings(epsilon_steps=int(0.35 * ITERATIONS), minibatch=150),
+    settings=MELLOW_TD,
 )
 CARTPOLES = evolve(
     TEXT_CARTPOLES,
     name="cartpole-sources",
-    settings=evolve(TEXT_CARTPOLES.settings, minibatch=32),
+    settings=evolve(MELLOW_TD, minibatch=32),
 )
 _PUBLISHED = Experiment(
     name="cartpole",
@@ -79,9 +85,7 @@ BOTH_WAYS = {
     "GVT, launch defaults": evolve(as_published(GVT), **LAUNCH_DEFAULTS),
     "1-MGVT, launch defaults": evolve(as_published(MGVT), **LAUNCH_DEFAULTS),
 }
-CARTPOLE_INGREDIENTS = evolve(
-    CARTPOLE.published, name="cartpole-ingredients", algorithms=BOTH_WAYS
-)
+CARTPOLE_INGREDIENTS = evolve(CARTPOLE.published, name="cartpole-ingredients", algorithms=BOTH_WAYS)
 _TRANSFER = {"GVT": as_published(GVT), "1-MGVT": as_published(MGVT)}
 CARTPOLE_TEXT_SOURCES = evolve(
     CARTPOLE.published, name="cartpole-text-sources", pool=TEXT_CARTPOLES, algorithms=_TRANSFER

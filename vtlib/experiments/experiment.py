@@ -45,9 +45,10 @@ class Pool:
     """A pool of source tasks of ``family``, solved without transfer.
 
     A source is kept at the first check, from ``iterations`` on, at which its greedy policy passes
-    twice: over ``episodes`` episodes, and over as many fresh ones, it reaches the ``required`` share,
-    as the family measures it. The others are trained on, up to ``limit`` iterations, and then begin anew, from the same weights
-    with other random numbers, until they have had so many ``attempts``. ``common`` starts all
+    twice: over ``episodes`` episodes, and over as many fresh ones, it reaches the ``required``
+    share, as the family measures it. The others are trained on, up to ``limit`` iterations, and
+    then begin anew, from the same weights with other random numbers, until they have had so many
+    ``attempts``. ``common`` starts all
     networks from the same weights: only then do hidden units stay comparable between sources, so
     that weights can be averaged. Sources begin episodes where the family has it for sources, or,
     ``as_targets``, where targets do. Pools that share a ``stream`` share tasks and random numbers.

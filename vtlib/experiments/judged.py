@@ -6,6 +6,7 @@ Bounds were set after the first edition's runs had been seen and before those th
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from typing import Any
 
 import numpy as np
 
@@ -25,6 +26,7 @@ from vtlib.experiments.mountain_car import CAR, FLOOR
 from vtlib.experiments.published import rows
 from vtlib.stats import Interval, difference_interval, mean_interval, slope_interval
 
+Measure = Callable[..., Interval]
 MIXTURES, TRANSFER = ("1-MGVT", "3-MGVT"), ("GVT", "1-MGVT", "3-MGVT")
 DOOR = 5.0  # of every target in section 6.1.3
 SOURCES_AT = (1_000, 1_950)
@@ -40,7 +42,8 @@ def rooms_evaluation() -> list[Claim]:
             figure.claim(
                 f"{x} is optimal after about 5,000 iterations.",
                 "learning return at 5,000, of the optimum",
-                lambda runs, x=x: runs[x].share(5_000),
+                lambda a: a.share(5_000),
+                x,
                 low=OPTIMAL,
             )
             for x in MIXTURES
@@ -48,21 +51,25 @@ def rooms_evaluation() -> list[Claim]:
         figure.claim(
             "GVT has probably solved most tasks by then.",
             "share of runs whose greedy policy is optimal at 5,000",
-            lambda runs: runs["GVT"].solved(5_000),
+            lambda a: a.solved(5_000),
+            "GVT",
             printed=False,
             low=0.5,
         ),
         figure.claim(
             "Without transfer the agent only begins to reach the goal after 7,000.",
             "learning return of NT at 7,000, of the optimum",
-            lambda runs: runs["NT"].share(7_000),
+            lambda a: a.share(7_000),
+            "NT",
             high=0.25,
         ),
         *(
             figure.claim(
                 f"{x} is far ahead of no transfer.",
                 f"{x} minus NT, averaged until {end:,}, of the optimum",
-                lambda runs, x=x: runs[x].gain_until(runs["NT"], end),
+                lambda a, b: a.gain_until(b, end),
+                x,
+                "NT",
                 low=0.0,
             )
             for x in TRANSFER
@@ -70,19 +77,25 @@ def rooms_evaluation() -> list[Claim]:
         figure.claim(
             "1-MGVT slightly surpasses GVT.",
             f"1-MGVT minus GVT, averaged until {end:,}, of the optimum",
-            lambda runs: runs["1-MGVT"].gain_until(runs["GVT"], end),
+            lambda a, b: a.gain_until(b, end),
+            "1-MGVT",
+            "GVT",
             low=0.0,
         ),
         figure.claim(
             "It does so with less variance.",
             "standard deviation of 1-MGVT by that of GVT at 5,000",
-            lambda runs: runs["1-MGVT"].spread(runs["GVT"], 5_000),
+            lambda a, b: a.spread(b, 5_000),
+            "1-MGVT",
+            "GVT",
             high=1.0,
         ),
         figure.claim(
             "More components bring no clear advantage.",
             f"3-MGVT minus 1-MGVT, averaged until {end:,}, of the optimum",
-            lambda runs: runs["3-MGVT"].gain_until(runs["1-MGVT"], end),
+            lambda a, b: a.gain_until(b, end),
+            "3-MGVT",
+            "1-MGVT",
             high=0.05,
         ),
         Claim(
@@ -109,7 +122,8 @@ def rooms_distribution_change() -> list[Claim]:
             figure.claim(
                 f"{x} reaches optimal performance all the same.",
                 f"learning return at {end:,}, of the optimum",
-                lambda runs, x=x: runs[x].share(end),
+                lambda a: a.share(end),
+                x,
                 low=OPTIMAL,
             )
             for x in MIXTURES
@@ -118,7 +132,9 @@ def rooms_distribution_change() -> list[Claim]:
             figure.claim(
                 f"{x} is clearly ahead of GVT.",
                 f"{x} minus GVT, averaged until {end:,}, of the optimum",
-                lambda runs, x=x: runs[x].gain_until(runs["GVT"], end),
+                lambda a, b: a.gain_until(b, end),
+                x,
+                "GVT",
                 low=0.0,
             )
             for x in MIXTURES
@@ -126,19 +142,23 @@ def rooms_distribution_change() -> list[Claim]:
         figure.claim(
             "GVT stays low.",
             f"learning return of GVT at {end:,}, of the optimum",
-            lambda runs: runs["GVT"].share(end),
+            lambda a: a.share(end),
+            "GVT",
             high=0.8,
         ),
         figure.claim(
             "GVT varies greatly from run to run.",
             "standard deviation of GVT by that of 1-MGVT at 10,000",
-            lambda runs: runs["GVT"].spread(runs["1-MGVT"], 10_000),
+            lambda a, b: a.spread(b, 10_000),
+            "GVT",
+            "1-MGVT",
             low=1.0,
         ),
         figure.claim(
             "GVT earns less the further a task lies from its sources.",
             "slope of the share of the optimum at 10,000 over the lower door's distance",
-            lambda runs: slope_interval(away, runs["GVT"].at(10_000) / runs["GVT"].scale),
+            lambda a: slope_interval(away, a.at(10_000) / a.scale),
+            "GVT",
             printed=False,
             high=0.0,
             ours=True,
@@ -154,43 +174,49 @@ def rooms_exploration() -> list[Claim]:
         for protocol, experiment in protocols.items()
     }
 
-    def claim(
-        text: str, number: str, measure: Callable[[Mapping[str, np.ndarray]], Interval], **bounds: float
-    ) -> Claim:
-        found = {protocol: measure(places) for protocol, places in seen.items()}
+    def claim(text: str, number: str, measure: Measure, *labels: str, **bounds: Any) -> Claim:
+        found = {
+            protocol: measure(*(places[x] for x in labels)) for protocol, places in seen.items()
+        }
         return Claim(text, number, found, None, **bounds)
 
-    def arrived(label: str) -> Callable[[Mapping[str, np.ndarray]], Interval]:
-        return lambda places: share_interval(visits.arrivals(places[label]) > 0)
+    def arrived(places: np.ndarray) -> Interval:
+        return share_interval(visits.arrivals(places) > 0)
 
     even = visits.uniform_share_at_door()
     return [
         claim(
             "ε-greedy exploration does not reach the goal.",
             "share of runs of NT that ever arrive",
-            arrived("NT"),
+            arrived,
+            "NT",
             high=0.5,
         ),
         *(
-            claim(f"{x} reaches the goal.", "share of runs that ever arrive", arrived(x), low=0.5)
+            claim(f"{x} reaches the goal.", "share of runs that ever arrive", arrived, x, low=0.5)
             for x in ("GVT", "1-MGVT")
         ),
         *(
             claim(
                 f"{x} goes to the middle of the wall.",
                 "share of the lower room's visits that lie at the door, by an even spread's",
-                lambda places, x=x: mean_interval(visits.share_at_door(places[x], DOOR) / even),
+                lambda places: mean_interval(visits.share_at_door(places, DOOR) / even),
+                x,
                 low=1.0,
             )
             for x in ("GVT", "1-MGVT")
         ),
         *(
-            claim(
+            Claim(
                 f"1-MGVT explores the lower room more widely than GVT: {name}.",
                 f"{name}, 1-MGVT minus GVT",
-                lambda places, name=name: difference_interval(
-                    *(visits.coverage(places[x])[name] for x in ("1-MGVT", "GVT"))
-                ),
+                {
+                    protocol: difference_interval(
+                        *(visits.coverage(places[x])[name] for x in ("1-MGVT", "GVT"))
+                    )
+                    for protocol, places in seen.items()
+                },
+                None,
                 low=0.0,
             )
             for name in visits.coverage(seen["published"]["GVT"])
@@ -202,11 +228,9 @@ def rooms_likelihood() -> list[Claim]:
     """Section 6.1.4, Figure 6.5: returns by the likelihood of the task, in five bins."""
     bins, end = likelihood.binned(), likelihood.AT[-1]
 
-    def claim(
-        text: str, number: str, measure: Callable[[likelihood.Bins], Interval], **bounds: float
-    ) -> Claim:
-        found = {name: measure(bins[name]) for name in rooms.ROOMS_LIKELIHOOD._fields}
-        return Claim(text, number, found, measure(bins["printed"]), **bounds)
+    def claim(text: str, number: str, measure: Measure, *about: Any, **bounds: Any) -> Claim:
+        found = {name: measure(x, *about) for name, x in bins.items()}
+        return Claim(text, number, found, found.pop("printed"), **bounds)
 
     def lowest(found: likelihood.Bins, label: str) -> Interval:
         return min(found[label, end], key=lambda one: float(one.low))
@@ -216,7 +240,8 @@ def rooms_likelihood() -> list[Claim]:
             claim(
                 f"At {t:,} iterations GVT falls behind 1-MGVT on the unlikeliest tasks.",
                 "GVT minus 1-MGVT in the lowest fifth of the likelihood, of the optimum",
-                lambda x, t=t: difference(x["GVT", t][0], x["1-MGVT", t][0]),
+                lambda x, t: difference(x["GVT", t][0], x["1-MGVT", t][0]),
+                t,
                 high=0.0,
             )
             for t in likelihood.AT
@@ -224,13 +249,15 @@ def rooms_likelihood() -> list[Claim]:
         claim(
             f"At {end:,} 1-MGVT is optimal for all tasks, however likely.",
             "learning return in the worst fifth, of the optimum there",
-            lambda x: lowest(x, "1-MGVT"),
+            lowest,
+            "1-MGVT",
             low=OPTIMAL,
         ),
         claim(
             f"At {end:,} GVT is not.",
             "learning return in the worst fifth, of the optimum there",
-            lambda x: lowest(x, "GVT"),
+            lowest,
+            "GVT",
             high=OPTIMAL,
         ),
     ]
@@ -245,16 +272,14 @@ def rooms_number_of_sources() -> list[Claim]:
         row = table[(table["algorithm"] == label) & (table["sources"] == count)][0]
         return Interval(row["mean"], row["low"], row["high"])
 
-    def found(measure: Callable[[Runs, Runs], Interval], other: str, count: int) -> dict:
-        return {
-            protocol: measure(
-                *(
-                    Runs(returns(experiment, rooms.count_name(x, count)))
-                    for x in ("GVT", other)
-                )
+    def found(measure: Measure, other: str, count: int, t: int) -> dict[str, Interval]:
+        pairs = {
+            protocol: (
+                Runs(returns(experiment, rooms.count_name(x, count))) for x in ("GVT", other)
             )
             for protocol, experiment in rooms.ROOMS_SOURCES._asdict().items()
         }
+        return {protocol: measure(*pair, t) for protocol, pair in pairs.items()}
 
     def ratio(a: Interval, b: Interval) -> Interval:
         value = a.centre / b.centre
@@ -270,7 +295,7 @@ def rooms_number_of_sources() -> list[Claim]:
                 Claim(
                     f"From two sources GVT earns little more than half of what {other} does.",
                     f"GVT by {other} at {t:,} iterations",
-                    found(lambda a, b, t=t: a.ratio(b, t), other, FEW),
+                    found(Runs.ratio, other, FEW, t),
                     ratio(seen("GVT", FEW, t), seen(other, FEW, t)),
                     low=0.4,
                     high=0.75,
@@ -282,7 +307,7 @@ def rooms_number_of_sources() -> list[Claim]:
             Claim(
                 f"From many sources GVT and {other} are alike.",
                 f"GVT minus {other} at {last:,} iterations from {MANY} sources, of the optimum",
-                found(lambda a, b: a.gain(b, last), other, MANY),
+                found(Runs.gain, other, MANY, last),
                 Interval(*(x / scale for x in apart)),
                 low=-0.15,
                 high=0.15,
@@ -299,7 +324,8 @@ def cartpole() -> list[Claim]:
             figure.claim(
                 f"{x} starts near the optimum.",
                 f"learning return at {EARLY}, of the optimum",
-                lambda runs, x=x: runs[x].share(EARLY),
+                lambda a: a.share(EARLY),
+                x,
                 low=OPTIMAL,
             )
             for x in TRANSFER
@@ -308,7 +334,8 @@ def cartpole() -> list[Claim]:
             figure.claim(
                 f"{x} converges quickly.",
                 "learning return at 2,000, of the optimum",
-                lambda runs, x=x: runs[x].share(2_000),
+                lambda a: a.share(2_000),
+                x,
                 low=OPTIMAL,
             )
             for x in TRANSFER
@@ -317,7 +344,8 @@ def cartpole() -> list[Claim]:
             figure.claim(
                 f"The greedy curve of {x} moves mostly within the first 2,000 iterations.",
                 "mean change between evaluations until 2,000 by that afterwards",
-                lambda runs, x=x: runs[x].restlessness(2_000),
+                lambda a: a.restlessness(2_000),
+                x,
                 low=1.0,
             )
             for x in TRANSFER
@@ -326,7 +354,9 @@ def cartpole() -> list[Claim]:
             figure.claim(
                 f"{x} shows no negative transfer.",
                 f"{x} minus DDQN, averaged until {end:,}, of the optimum",
-                lambda runs, x=x: runs[x].gain_until(runs["DDQN"], end),
+                lambda a, b: a.gain_until(b, end),
+                x,
+                "DDQN",
                 low=0.0,
             )
             for x in TRANSFER
@@ -335,7 +365,8 @@ def cartpole() -> list[Claim]:
             figure.claim(
                 f"{x} keeps what it has.",
                 f"learning return at {end:,}, of the optimum",
-                lambda runs, x=x: runs[x].share(end),
+                lambda a: a.share(end),
+                x,
                 low=OPTIMAL,
                 ours=True,
             )
@@ -351,14 +382,18 @@ def mountain_car() -> list[Claim]:
         figure.claim(
             "GVT has no significant advantage over DDQN.",
             f"GVT minus DDQN, averaged until {end:,}, of the way to the optimum",
-            lambda runs: runs["GVT"].gain_until(runs["DDQN"], end),
+            lambda a, b: a.gain_until(b, end),
+            "GVT",
+            "DDQN",
             high=0.25,
         ),
         *(
             figure.claim(
                 f"{x} learns faster than {other}.",
                 f"{x} minus {other}, averaged until {end:,}, of the way to the optimum",
-                lambda runs, x=x, other=other: runs[x].gain_until(runs[other], end),
+                lambda a, b: a.gain_until(b, end),
+                x,
+                other,
                 low=0.0,
             )
             for x in MIXTURES
@@ -368,7 +403,8 @@ def mountain_car() -> list[Claim]:
             figure.claim(
                 f"{x} converges to the optimum.",
                 f"learning return at {end:,}, of the way to the optimum",
-                lambda runs, x=x: runs[x].share(end),
+                lambda a: a.share(end),
+                x,
                 low=OPTIMAL,
             )
             for x in MIXTURES
@@ -377,7 +413,8 @@ def mountain_car() -> list[Claim]:
             figure.claim(
                 f"The jump-start of {x} is not great.",
                 "learning return at 600, of the way to the optimum",
-                lambda runs, x=x: runs[x].share(600),
+                lambda a: a.share(600),
+                x,
                 high=0.6,
             )
             for x in MIXTURES
@@ -386,7 +423,9 @@ def mountain_car() -> list[Claim]:
             figure.claim(
                 f"{x} shows no negative transfer.",
                 f"{x} minus DDQN, averaged until {end:,}, of the way to the optimum",
-                lambda runs, x=x: runs[x].gain_until(runs["DDQN"], end),
+                lambda a, b: a.gain_until(b, end),
+                x,
+                "DDQN",
                 low=0.0,
             )
             for x in TRANSFER

@@ -1,4 +1,4 @@
-"""Returns by the likelihood of the task (section 6.1.4), in the five bins of the published figure."""
+"""Returns by the likelihood of the task (section 6.1.4), in the published figure's five bins."""
 
 from __future__ import annotations
 
@@ -58,8 +58,8 @@ def _optimum(experiment: Experiment) -> list[float]:
 
 def _bins(experiment: Experiment, labels: Sequence[str]) -> Bins:
     place = bin_of(experiment)
-    shares = {x: returns(experiment, x) for x in labels}
-    shares = {x: stored.learning / stored.optimum for x, stored in shares.items()}
+    runs = {x: returns(experiment, x) for x in labels}
+    shares = {x: stored.learning / stored.optimum for x, stored in runs.items()}
     return {
         (x, t): [mean_interval(shares[x].sel(iteration=t).values[place == i]) for i in range(5)]
         for x in labels

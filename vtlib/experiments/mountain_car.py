@@ -7,11 +7,17 @@ from attrs import evolve
 from vtlib.baselines import DDQNSettings, FineTuning
 from vtlib.envs.mountain_car import MountainCarFamily
 from vtlib.experiments.experiment import Algorithm, Experiment, Pool, slider_lambdas, sliders_of
-from vtlib.experiments.protocols import FINE_TUNED, FINE_TUNED_GREEDY, FROM_MEAN
-from vtlib.experiments.protocols import Protocols, as_published
+from vtlib.experiments.protocols import (
+    FINE_TUNED,
+    FINE_TUNED_GREEDY,
+    FROM_MEAN,
+    Protocols,
+    as_published,
+)
 from vtlib.transfer import Settings
 
 ITERATIONS, SOURCE_ITERATIONS = 40_000, 50_000
+FLOOR = -(1 - 0.99**200) / (1 - 0.99)  # the return of an episode that never arrives
 CARS = Pool(
     "mountain-car-sources",
     MountainCarFamily(last_reward=-1.0),

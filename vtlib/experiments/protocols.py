@@ -15,7 +15,7 @@ from vtlib.experiments.experiment import Experiment
 from vtlib.transfer import Settings
 
 KL_CLIP = 100.0
-# The labels of fine-tuning: from one source, exploring as without transfer or hardly, or their mean.
+# Fine-tuning by its labels: from one source, exploring as without transfer or hardly; or the mean.
 FINE_TUNED, FINE_TUNED_GREEDY, FROM_MEAN = "fine-tuned", "fine-tuned, greedy", "fine-tuned mean"
 
 

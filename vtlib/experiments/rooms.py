@@ -9,8 +9,13 @@ from attrs import evolve
 from vtlib.baselines import FineTuning, MellowTDSettings
 from vtlib.envs.rooms import RoomsFamily
 from vtlib.experiments.experiment import Algorithm, Experiment, Pool, sliders_of
-from vtlib.experiments.protocols import FINE_TUNED, FINE_TUNED_GREEDY, FROM_MEAN
-from vtlib.experiments.protocols import Protocols, as_published
+from vtlib.experiments.protocols import (
+    FINE_TUNED,
+    FINE_TUNED_GREEDY,
+    FROM_MEAN,
+    Protocols,
+    as_published,
+)
 from vtlib.transfer import Settings
 
 ITERATIONS = 20_000
@@ -49,6 +54,8 @@ def _protocols(
     The frontier of the rooms lets agents slide in the published code, and stops them in the text.
     Fine-tuning, which the thesis does not have, runs as published.
     """
+    slides = pool.family
+    assert isinstance(slides, RoomsFamily)
     published = Experiment(
         name,
         pool,
@@ -61,7 +68,7 @@ def _protocols(
         each=True,
         **{"iterations": ITERATIONS, **fields},
     )
-    stopped = evolve(pool, name=f"{pool.name}-equations", family=evolve(pool.family, stops=True))
+    stopped = evolve(pool, name=f"{pool.name}-equations", family=evolve(slides, stops=True))
     equations = evolve(
         published,
         name=f"{name}-equations",
@@ -159,20 +166,18 @@ ROOMS_EXPLORATION = _protocols(
 )
 
 LIKELIHOOD_DOORS = (5.0, 1.8)  # mean and standard deviation of the door, in section 6.1.4
-NORMAL_ROOMS = Pool("rooms-2-normal-sources", RoomsFamily(rooms=2, normal=LIKELIHOOD_DOORS))
+NORMAL = RoomsFamily(rooms=2, normal=LIKELIHOOD_DOORS)
 ROOMS_LIKELIHOOD = _protocols(
     "rooms-likelihood",
-    NORMAL_ROOMS,
-    NORMAL_ROOMS.family,
+    Pool("rooms-2-normal-sources", NORMAL),
+    NORMAL,
     runs=400,
     runs_per_task=20,
     iterations=4_000,
 )
 # The published targets are no draws: their doors are half a unit apart.
 ROOMS_LIKELIHOOD = ROOMS_LIKELIHOOD._replace(
-    published=evolve(
-        ROOMS_LIKELIHOOD.published, family=RoomsFamily(rooms=2, ladder=19), runs=380
-    )
+    published=evolve(ROOMS_LIKELIHOOD.published, family=RoomsFamily(rooms=2, ladder=19), runs=380)
 )
 
 SOURCE_COUNTS = tuple(range(2, 11))

@@ -88,7 +88,21 @@ def prepare(
 
 def _evaluation(experiment: Experiment, runs: Sequence[int]) -> Evaluation:
     q, rng = experiment.family.q(), Rng(experiment.stream, runs)
-    return Evaluation(q, targets(experiment, runs), rng, EVALUATION_EPISODES, experiment.each)
+    over = "each" if experiment.each else "mean"
+    return Evaluation(q, targets(experiment, runs), rng, EVALUATION_EPISODES, over)
+
+
+def zero_shot(experiment: Experiment, weights: np.ndarray, episodes: int = 200) -> np.ndarray:
+    """What each run's sources earn without learning (R,), by the best of them at each step.
+
+    weights (count, d) are those of the pool's sources. Source: Barreto et al. (2017), generalised
+    policy improvement.
+    """
+    runs, family = range(experiment.runs), experiment.family
+    check_pool_weights(experiment.pool, weights)
+    rng = Rng(f"{experiment.stream} zero-shot", runs)
+    evaluate = Evaluation(family.q(), targets(experiment, runs), rng, episodes, "max")
+    return evaluate(torch.from_numpy(weights[chosen_sources(experiment, runs)])).numpy()
 
 
 def _given(experiment: Experiment, label: str, runs: Sequence[int], weights: np.ndarray) -> Tensor:

@@ -17,7 +17,6 @@ from vtlib.experiments.experiment import Pool
 from vtlib.rng import Rng, Stream
 from vtlib.training import FINGERPRINTS, Agent, check_finite, fingerprint, iterate
 
-
 FRESH = 400  # episodes by which solved sources are judged in the end
 
 

@@ -30,7 +30,8 @@ LINE = 64  # bytes that a cache line has, at multiples of which the kernel's arr
 AHEAD = 16  # iterations whose random numbers are drawn at a time
 NO_CLIP = 3e38
 INTEGERS = "family components sources n_samples minibatch buffer equal diagonal_kl epsilon_steps"
-NUMBERS = "lambda_ psi kappa gamma alpha_mu alpha_L sigma_min clip kl_clip scale epsilon_start epsilon_end"
+NUMBERS = "lambda_ psi kappa gamma alpha_mu alpha_L sigma_min clip kl_clip scale"
+EPSILONS = "epsilon_start epsilon_end"
 ROLES = ("posterior", "component", "replay", "noise", "start", "exploration")
 
 _Floats = ctypes.POINTER(ctypes.c_float)
@@ -41,7 +42,7 @@ class _Settings(ctypes.Structure):
 
     _fields_ = [
         *((name, ctypes.c_int32) for name in INTEGERS.split()),
-        *((name, ctypes.c_float) for name in NUMBERS.split()),
+        *((name, ctypes.c_float) for name in (NUMBERS + " " + EPSILONS).split()),
         ("task", ctypes.c_float * MOST_PARAMETERS),
     ]
 

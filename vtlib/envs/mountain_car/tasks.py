@@ -21,9 +21,9 @@ GOAL = 0.5
 class MountainCar(ParameterBatch):
     """A batch of R mountain car tasks, with the equations of Gymnasium's MountainCar-v0.
 
-    `speed` (R,) is the velocity that an action adds in one step; `last_reward` is what the step that
-    reaches the goal earns, every other one -1. A state is the car's position, in [-1.2, 0.6], and
-    its velocity per step, in [-0.07, 0.07].
+    `speed` (R,) is the velocity that an action adds in one step; `last_reward` is what the step to
+    the goal earns, every other one -1. A state is the car's position, in [-1.2, 0.6], and its
+    velocity per step, in [-0.07, 0.07].
     """
 
     speed: Tensor

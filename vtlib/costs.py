@@ -1,0 +1,58 @@
+"""What sources cost and what they save, in environment steps until a task is solved."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from xarray import Dataset
+
+from vtlib.stats import Interval, mean_interval
+
+SOLVED = 0.9  # of the way from the floor to its own optimum a run has to earn
+
+
+class Cost(NamedTuple):
+    """Environment steps, and the number of tasks after which transfer has paid for its sources."""
+
+    sources: float
+    with_transfer: np.ndarray
+    without: np.ndarray
+    saved: Interval
+    unsolved: int
+    unsolved_without: int
+
+    @property
+    def tasks(self) -> float:
+        """Tasks until the sources' steps are saved; infinite when nothing is."""
+        saved = float(self.saved.centre)
+        return self.sources / saved if saved > 0 else np.inf
+
+
+def steps_to_solve(runs: Dataset, floor: float = 0.0) -> np.ndarray:
+    """Steps (R,) until the learning return reaches nine tenths of the optimum, or NaN if never."""
+    wanted = floor + SOLVED * (runs.optimum - floor)
+    reached = (runs.learning >= wanted).transpose("run", "iteration").values
+    at = runs.iteration.values[reached.argmax(1)].astype(float)
+    return np.where(reached.any(1), at, np.nan)
+
+
+def cost(
+    sources: Dataset, used: int, transfer: Dataset, without: Dataset, floor: float = 0.0
+) -> Cost:
+    """The cost of an algorithm that transfers from so many of the pool's sources.
+
+    Runs that never solve their task count with all their steps, which understates what a method
+    that solves them saves.
+    """
+    end = float(transfer.iteration[-1])
+    own, others = (steps_to_solve(x, floor) for x in (transfer, without))
+    known, unknown = (np.where(np.isnan(x), end, x) for x in (own, others))
+    return Cost(
+        used * float(sources.iterations.mean()),
+        known,
+        unknown,
+        mean_interval(unknown - known),
+        int(np.isnan(own).sum()),
+        int(np.isnan(others).sum()),
+    )
