@@ -20,6 +20,7 @@ from matplotlib.typing import LineStyleType
 from PIL import Image
 from xarray import Dataset
 
+from vtlib.costs import steps_to_solve
 from vtlib.experiments.published import PublishedCurve
 from vtlib.stats import Interval, mean_interval
 
@@ -155,12 +156,12 @@ def over_published(
     runs: Mapping[str, Dataset],
     printed: Mapping[str, Mapping[str, PublishedCurve]],
     limits: tuple[float, float],
-    start: float = 0.0,
+    floor: float = 0.0,
 ) -> Figure:
-    """Each algorithm's runs, thin, with their mean and band, over the published curve in grey.
+    """Each algorithm's mean and band over the published ones in grey, and every run while learning.
 
     printed: {kind: {algorithm: curve}}, kinds "learning" and "greedy"; a row of panels for each.
-    Learning returns are drawn from the iteration ``start`` on, when episodes have ended.
+    Beside the runs stands how many have ever earned nine tenths of their optimum above the floor.
     """
     labels = [x for x in runs if x in printed["learning"]]
     with look():
@@ -169,18 +170,20 @@ def over_published(
         for row, (name, kind) in zip(axes, KINDS.items(), strict=True):
             for ax, label in zip(row, labels, strict=True):
                 stored, theirs = runs[label], printed[kind][label]
-                stored = stored.sel(iteration=slice(start, None))
                 at, values = stored.iteration.values, stored[kind].values
-                ax.plot(at, values.T, color=COLOURS[label], lw=0.4, alpha=0.25)
-                ax.fill_between(
-                    theirs.iterations, theirs.low, theirs.high, color=PUBLISHED, alpha=0.35, lw=0
-                )
-                ax.plot(theirs.iterations, theirs.mean, color=PUBLISHED, lw=1.5, label="published")
-                draw_curves(ax, [curve("here", label, at, values)])
-                ax.axhline(float(stored.optimum.mean()), color=OPTIMUM, ls="--", lw=0.9)
-                ax.set_ylim(*limits)
+                if kind == "learning":
+                    ax.plot(at, values.T, color=COLOURS[label], lw=0.4, alpha=0.3)
+                    solved = int(np.isfinite(steps_to_solve(stored, floor)).sum())
+                    words = f"{solved} of {len(values)} solved"
+                    ax.annotate(words, (0.97, 0.06), xycoords="axes fraction", ha="right", size=8)
+                band = theirs.iterations, theirs.low, theirs.high
+                ax.fill_between(*band, color=PUBLISHED, alpha=0.4, lw=0)
+                ax.plot(theirs.iterations, theirs.mean, color="black", lw=0.9)
+                mine = Curve(label, at, values, COLOURS[label])
+                draw_curves(ax, [mine], float(stored.optimum.mean()))
                 ax.set_xlabel("")
             row[0].set_ylabel(name)
+            row[0].set_ylim(*limits)
         for ax, label in zip(axes[0], labels, strict=True):
             ax.set_title(label, color=COLOURS[label])
         figure.supxlabel("thousand iterations", fontsize=10)

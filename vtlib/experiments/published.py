@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from vtlib.experiments import store
 from vtlib.stats import Interval
+
+FOLDER = Path(__file__).resolve().parents[2] / "book" / "published"
 
 
 class PublishedCurve(NamedTuple):
@@ -35,7 +37,7 @@ class PublishedCurve(NamedTuple):
 
 def rows(name: str) -> np.ndarray:
     """The rows of a file in book/published as a structured array, columns by their names."""
-    path = store.results_folder().parent / "published" / f"{name}.csv"
+    path = FOLDER / f"{name}.csv"
     table: np.ndarray = np.genfromtxt(path, delimiter=",", names=True, dtype=None, encoding="utf-8")
     return table
 
