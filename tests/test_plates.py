@@ -13,17 +13,15 @@ from matplotlib.patches import Circle, FancyBboxPatch, Rectangle
 from matplotlib.text import Annotation
 from matplotlib.transforms import Bbox
 
-from vtlib.illustrations.plates import INCHES, RADIUS, SIDE
-
-DRAWN = [("related", "fig-hierarchies", 0), ("related", "fig-hierarchies", 1)]
+from vtlib.plates import INCHES, RADIUS, SIDE
 
 
-@pytest.fixture(params=[*DRAWN, ("setting", "fig-setting", 0)])
-def ax(request, page) -> Axes:
-    """A diagram as a page draws it."""
-    name, figure, at = request.param
-    FigureCanvasAgg(page(name)[figure]).draw()
-    return page(name)[figure].axes[at]
+@pytest.fixture(params=[("related", "fig-hierarchies"), ("setting", "fig-setting")])
+def ax(request, cells_of) -> Axes:
+    """Diagrams as a page draws them."""
+    name, figure = request.param
+    FigureCanvasAgg(cells_of(name)[figure]).draw()
+    return cells_of(name)[figure].axes[0]
 
 
 def box(artist) -> Bbox:
@@ -64,7 +62,7 @@ def test_plates_hold_nodes_whole_and_nodes_labels_and_nothing_else_overlaps(ax: 
         assert not any(a.overlaps(b) for a, b in itertools.combinations(kind, 2))
 
 
-def test_all_diagrams_are_on_one_scale_and_within_the_figure(ax: Axes):
+def test_diagrams_are_on_one_scale_and_within_the_figure(ax: Axes):
     scale = np.diff(ax.transData.transform([(0, 0), (1, 1)]), axis=0)[0]
     assert scale / ax.figure.dpi == pytest.approx([INCHES, INCHES])
     drawn = Bbox.union([artist.get_window_extent() for artist in (*ax.patches, *ax.texts)])
