@@ -95,8 +95,7 @@ FAULTS: dict[str, list[tuple[str, str]]] = {
         ("axes.div_(axes.sum(-2, keepdim=True))", "axes.div_(1.0)"),
         (".mul_(into.sign_())", ".mul_(into)"),
         ("passed[-1].relu_()", "passed[-1].abs_()"),
-        ("mask = passed[1].sign_()", "mask = passed[1]"),
-        ("into_second, cotangent.sum(-1)", "into_second, cotangent.mean(-1)"),
+        ("delta.sum(-1), *parts]", "delta.mean(-1), *parts]"),
         ("(axes[:, 0].unsqueeze(2) * axes[:, 1]", "(axes[:, 1].unsqueeze(2) * axes[:, 0]"),
     ],
     "transfer": [
