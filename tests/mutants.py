@@ -93,7 +93,7 @@ FAULTS: dict[str, list[tuple[str, str]]] = {
     "qfunctions": [
         ("self._rate = 0.5 / variance", "self._rate = 1 / variance"),
         ("axes.div_(axes.sum(-2, keepdim=True))", "axes.div_(1.0)"),
-        (".mul_(into.sign_())", ".mul_(into)"),
+        (".mul_(into.sign())", ".mul_(into)"),
         ("passed[-1].relu_()", "passed[-1].abs_()"),
         ("delta.sum(-1), *parts]", "delta.mean(-1), *parts]"),
         ("(axes[:, 0].unsqueeze(2) * axes[:, 1]", "(axes[:, 1].unsqueeze(2) * axes[:, 0]"),

@@ -86,6 +86,7 @@ def test_networks_equal_the_torch_module_of_the_same_flat_weights(q, module):
     cotangent = draw(*values.shape, seed=2)
     gradient = pullback(cotangent)
     assert torch.equal(w, before)
+    assert torch.equal(pullback(cotangent), gradient)
     for r, k in torch.cartesian_prod(torch.arange(2), torch.arange(3)).tolist():
         nn.utils.vector_to_parameters(w[r, k], module.parameters())
         out = module(obs[r])

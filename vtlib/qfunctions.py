@@ -158,9 +158,8 @@ def _gradients(matrices: list[Tensor], passed: list[Tensor], delta: Tensor) -> l
     for layer in range(len(matrices) - 1, 0, -1):
         into = passed[layer]
         parts = [torch.bmm(delta, into.transpose(1, 2)), delta.sum(-1), *parts]
-        # the sign of a ReLU's output is its derivative, and far faster than a mask; in place:
-        # nothing reads the hidden layer's values again
-        delta = torch.bmm(matrices[layer].transpose(1, 2), delta).mul_(into.sign_())
+        # the sign of a ReLU's output is its derivative, and far faster than a mask
+        delta = torch.bmm(matrices[layer].transpose(1, 2), delta).mul_(into.sign())
     first = torch.bmm(delta, passed[0].transpose(1, 2))
     return [first[..., :-1], first[..., -1], *parts]
 
