@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 
 import numpy as np
@@ -47,19 +46,6 @@ def test_an_arrow_joins_two_borders_and_crosses_no_other_and_no_label(ax: Axes):
         assert np.abs(depths[ends, [0, -1]]).max() < 0.03
         assert np.delete(depths, ends, 0).max() < -0.05
         assert not any(label.contains(*point) for label in labels for point in line)
-
-
-def test_plates_hold_nodes_whole_and_nodes_labels_and_nothing_else_overlaps(ax: Axes):
-    plates = [box(patch) for patch in ax.patches if isinstance(patch, FancyBboxPatch)]
-    borders = [patch for patch in ax.patches if not isinstance(patch, FancyBboxPatch)]
-    for plate, border in itertools.product(plates, borders):
-        held = [plate.contains(*corner) for corner in box(border).corners()]
-        assert all(held) or not plate.overlaps(box(border))
-    for text, border in itertools.product(ax.texts, borders):
-        inside = [depth(border, corner) > 0 for corner in box(text).corners()]
-        assert all(inside) or not text.get_text() or not box(text).overlaps(box(border))
-    for kind in (plates, map(box, borders)):
-        assert not any(a.overlaps(b) for a, b in itertools.combinations(kind, 2))
 
 
 def test_diagrams_are_on_one_scale_and_within_the_figure(ax: Axes):

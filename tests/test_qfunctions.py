@@ -62,14 +62,6 @@ def test_bases_equal_the_naive_formula(centers, variance):
 
 
 @pytest.mark.parametrize(
-    ("sizes", "d"), [((4, 32, 2), 226), ((2, 64, 3), 387), ((22, 32, 32, 3), 1891)]
-)
-def test_networks_count_their_weights(sizes, d):
-    for q in (MLP(sizes), ModuleQ(network(sizes), sizes[-1])):
-        assert (q.d, q.n_actions) == (d, sizes[-1])
-
-
-@pytest.mark.parametrize(
     ("q", "module"),
     [
         *((MLP(sizes), network(sizes)) for sizes in SIZES),
