@@ -114,9 +114,10 @@ class MLP:
     def vjp(self, w: Tensor, x: Tensor) -> tuple[Tensor, Callable[[Tensor], Tensor]]:
         """Values, and the map from a cotangent (R, K, A, B) to a gradient (R, K, d)."""
         matrices, passed = self._forward(w, x)
+        backward = _shallow_gradients if len(matrices) == 2 else _gradients
 
         def pullback(cotangent: Tensor) -> Tensor:
-            parts = _gradients(matrices, passed, cotangent.flatten(0, 1))
+            parts = backward(matrices, passed, cotangent.flatten(0, 1))
             return torch.cat([part.flatten(1) for part in parts], -1).view(w.shape)
 
         return passed[-1].unflatten(0, w.shape[:2]), pullback
@@ -162,6 +163,24 @@ def _gradients(matrices: list[Tensor], passed: list[Tensor], delta: Tensor) -> l
         delta = torch.bmm(matrices[layer].transpose(1, 2), delta).mul_(into.sign())
     first = torch.bmm(delta, passed[0].transpose(1, 2))
     return [first[..., :-1], first[..., -1], *parts]
+
+
+def _shallow_gradients(
+    matrices: list[Tensor], passed: list[Tensor], cotangent: Tensor
+) -> list[Tensor]:
+    """The same for one hidden layer, from one product with the mask of its units that are on.
+
+    A unit's output is its mask times a linear function of the input x, so both layers' gradients
+    are contractions of sum_b cotangent_ab mask_hb x_ib, and the hidden layer is read once.
+    """
+    first, second = matrices
+    mask = passed[1].sign()
+    outer = (cotangent.unsqueeze(2) * passed[0].unsqueeze(1)).flatten(1, 2)
+    shape = (-1, second.shape[1], *first.transpose(1, 2).shape[1:])
+    moments = torch.bmm(outer, mask.transpose(1, 2)).view(shape)  # (N, A, in + 1, hidden)
+    into_second = (moments * first.transpose(1, 2).unsqueeze(1)).sum(2)
+    into_first = (moments * second.unsqueeze(2)).sum(1).transpose(1, 2)
+    return [into_first[..., :-1], into_first[..., -1], into_second, cotangent.sum(-1)]
 
 
 class ModuleQ:
