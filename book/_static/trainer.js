@@ -176,7 +176,7 @@
     constructor(root) {
       this.root = root;
       this.setup = JSON.parse(root.querySelector("script[type='application/json']").textContent);
-      const { files, doors, start } = this.setup, wasm = bytesOf(files.wasm), pool = bytesOf(files.pool);
+      const { doors, start, worker } = this.setup, [wasm, pool] = [this.setup.wasm, this.setup.pool].map(bytesOf);
       if (typeof WebAssembly !== "object" || !WebAssembly.validate(wasm)) {
         root.querySelectorAll("button, input, select").forEach((control) => { control.disabled = true; });
         this.say("This browser lacks WebAssembly with vector instructions (SIMD), which the training needs. "
@@ -191,7 +191,7 @@
       this.form.family.value = start.family ?? "MGVT";
       this.plan = new Plan(this.find(".map"), doors, () => this.onDoor());
       this.chart = new Chart(this.find(".chart"), this.setup);
-      this.worker = new Worker(URL.createObjectURL(new Blob([files.worker], { type: "text/javascript" })));
+      this.worker = new Worker(URL.createObjectURL(new Blob([worker], { type: "text/javascript" })));
       this.worker.onmessage = ({ data }) => this.receive(data);
       this.worker.onerror = ({ message }) => this.say(`The training stopped: ${message}`);
       this.listen();

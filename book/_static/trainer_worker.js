@@ -4,7 +4,6 @@
 
 const WEIGHTS = 484, ROW = 496, CELLS = 20, GRID = 11, WALLS = 2;
 const PLACES = ["settings", "means", "sources", "precision", "factors", "reached"];
-const FAMILY = { NT: 0, GVT: 1, MGVT: 2 };
 
 /* Pool of sources (count x 484) from bytes, each source with its own scale. */
 function decodePool(bytes, scales) {
@@ -92,7 +91,7 @@ class Run {
     this.last = [];
     this.steps = this.arrival = this.episodes = 0;
     this.base = base;
-    this.settings = { ...base, family: FAMILY[base.name] };
+    this.settings = { ...base };
     if (base.name !== "NT") Object.assign(this.settings, { lambda_: chosen.lambda, psi: chosen.psi });
     if (base.name === "MGVT") this.settings.components = chosen.components;
     this.hand(sources);
@@ -117,7 +116,6 @@ class Run {
   hand(sources) {
     const { settings } = this, zero = new Float32Array(WEIGHTS);
     const rows = (name, list) => list.forEach((row, i) => this.floats(name, WEIGHTS, i * ROW).set(row));
-    settings.components ??= 1;
     if (this.base.name === "NT") return rows("means", [sources[0] ?? zero]);
     settings.sources = sources.length;
     if (this.base.name === "GVT") {

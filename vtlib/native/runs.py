@@ -69,6 +69,23 @@ def supports(family: TaskFamily, algorithm: Any, sources: int) -> bool:
     )
 
 
+def kernel_settings(algorithm: Any) -> dict[str, Any]:
+    """What the kernel is told of an algorithm, by the names that it has there."""
+    s = algorithm
+    told = {x: getattr(s, x) for x in f"{INTEGERS} {NUMBERS}".split() if hasattr(s, x)}
+    if not s.transfers:
+        return {**told, "family": LEARNER, "components": 1, "alpha_mu": s.alpha, "clip": NO_CLIP}
+    gaussian = s.family == "gaussian"
+    return {
+        **told,
+        "family": GAUSSIAN if gaussian else MIXTURE,
+        "clip": NO_CLIP if s.clip is None else s.clip,
+        "equal": s.responsibilities == "equal",
+        "diagonal_kl": s.kl == "diagonal",
+        "scale": 1 / (s.jitter if gaussian else s.sigma_p2),
+    }
+
+
 class NativeRun:
     """One run in the kernel's memory, on the task in a row of a batch.
 
@@ -135,23 +152,16 @@ class NativeRun:
     def _set(self, given: Tensor, parameters: list[float]) -> np.ndarray:
         """Hand over all that a run begins with, but the factors L (C, d, d), which are returned."""
         s, to = self._algorithm, self._settings
-        for name in ("minibatch", "buffer", "psi", "kappa", "gamma"):
-            setattr(to, name, getattr(s, name))
+        for name, value in kernel_settings(s).items():
+            setattr(to, name, value)
         to.task[:] = [*parameters, *[0.0] * (4 - len(parameters))]
         if not s.transfers:
-            to.family, to.components, to.alpha_mu, to.clip = LEARNER, 1, s.alpha, NO_CLIP
-            to.epsilon_steps, to.epsilon_end = s.epsilon_steps, s.epsilon_end
             self.mu = self.mu[:1]
             self.mu[:] = given.numpy()
             return np.zeros(0, np.float32)
-        for name in ("components", "n_samples", "alpha_mu", "alpha_L", "sigma_min", "lambda_"):
-            setattr(to, name, getattr(s, name))
-        to.family = GAUSSIAN if s.family == "gaussian" else MIXTURE
-        to.sources, to.clip = len(given), NO_CLIP if s.clip is None else s.clip
-        to.equal, to.diagonal_kl = s.responsibilities == "equal", s.kl == "diagonal"
+        to.sources = len(given)
         prior = s.prior(given.unsqueeze(0))
         start = prior.start(s.components, s.init)
-        to.scale = prior.precision.scale
         self.mu = self.mu[: s.components]
         self.mu[:] = start.mu[0].numpy()
         if prior.precision.W is not None:
