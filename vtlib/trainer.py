@@ -31,7 +31,7 @@ def mean_curves(runs: Mapping[str, Dataset], until: int) -> list[dict[str, Any]]
     until_then = {label: one.sel(iteration=slice(None, until)) for label, one in runs.items()}
     return [
         {
-            "label": f"{label}, mean of {stored.sizes['run']} runs",
+            "label": f"{label}, mean of {stored.sizes['run']}",
             "colour": COLOURS[label],
             "iterations": stored.iteration.values.tolist(),
             "values": stored.learning.mean("run").values.round(3).tolist(),

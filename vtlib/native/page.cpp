@@ -8,8 +8,7 @@ typedef uint32_t Words __attribute__((vector_size(64)));
 alignas(64) static unsigned char memory[sizeof(Run<Rooms>) + MOST_BUFFER * sizeof(Rooms::Transition)];
 static Run<Rooms> &run = *(Run<Rooms> *)memory;
 alignas(64) static float noise[MOST_COMPONENTS * LANES * D], uniforms[LANES + BATCH], motion[LANES];
-alignas(64) static float factors[MOST_COMPONENTS * D * D], mean[D][LANES];
-static float reached[2];
+alignas(64) static float factors[MOST_COMPONENTS * D * D], mean[D][LANES], reached[2];
 static struct { Words word[4]; } generator;
 
 // xoshiro128++, sixteen side by side. Source: Blackman and Vigna (2021).
@@ -60,8 +59,7 @@ extern "C" void begin_run(uint32_t seed) {
 // One iteration; whether the episode goes on (0), is over (1), or is over at the goal (2).
 extern "C" int iterate_run() {
   for (int i = 0; i < 2; i++) reached[i] = run.observation[i];
-  Random random = draw();
-  iterate(run, 1, random);
+  iterate(run, 1, draw());
   // where the step led: an episode's last position is overwritten by the first of the next
   Rooms::Transition t = run.memory[(run.steps - 1) % run.s.buffer];
   bool arrived = Rooms::move(run.s, reached, motion, t);
