@@ -89,7 +89,10 @@ def test_a_page_grows_by_little_and_holds_the_sources() -> None:
     scales = np.array(setup["scales"])[:, None]
     assert np.abs(pool * scales - weights(ROOMS_EVALUATION.pool)).max() <= 0.501 * scales.max()
     assert b64decode(setup["wasm"]) == PAGE.read_bytes()
-    assert f"{len(PAGE.read_bytes()) / 1e3:.0f} kB of compiled C++, 24 kB of sources" in html
+    assert (
+        f"{len(PAGE.read_bytes()) / 1e3:.0f} kB of compiled C++, 24 kB of solved source tasks"
+        in html
+    )
     assert setup["start"] == {"family": "GVT"}
 
 
@@ -121,11 +124,11 @@ def test_curves_are_means_over_stored_runs() -> None:
 
 def opened(page, book: Path, name: str = "rooms_evaluation"):
     """The panel on a page opened from disk, ready to train."""
-    page.messages = []
-    page.on("console", lambda message: page.messages.append(message.text))
     page.goto((book / "book" / f"{name}.html").as_uri(), wait_until="load")
     panel = page.locator(".trainer")
-    page.wait_for_function("document.querySelector('.trainer .says').textContent === 'Ready.'")
+    panel.get_by_text("Ready.").wait_for()
+    page.messages = []  # of the panel: the theme has its own while it loads
+    page.on("console", lambda message: page.messages.append(message.text))
     return panel
 
 
@@ -190,7 +193,7 @@ def test_training_stops_at_once_steps_and_begins_anew(book: Path, page) -> None:
     panel.locator(".door").first.press("End")
     assert panel.locator(".marks line").count() == 1
     panel.get_by_label("psi").press("ArrowRight")
-    page.wait_for_function("document.querySelector('.trainer .says').textContent === 'Ready.'")
+    panel.get_by_text("Ready.").wait_for()
     assert iteration.inner_text() == "0"
     assert not page.faults
 

@@ -31,7 +31,7 @@ def mean_curves(runs: Mapping[str, Dataset], until: int) -> list[dict[str, Any]]
     until_then = {label: one.sel(iteration=slice(None, until)) for label, one in runs.items()}
     return [
         {
-            "label": f"{label}, mean of {stored.sizes['run']}",
+            "label": f"{label}, {stored.sizes['run']} runs",
             "colour": COLOURS[label],
             "iterations": stored.iteration.values.tolist(),
             "values": stored.learning.mean("run").values.round(3).tolist(),
@@ -75,7 +75,6 @@ def train_here(
         setup=json.dumps(setup, separators=(",", ":")).replace("<", "\\u003c"),  # as HTML wants it
         code=round(len(code) / 1e3),
         data=round(pool.nbytes / 1e3),
-        count=len(pool),
     )
 
 
@@ -83,8 +82,7 @@ def _told(name: str, s: Settings | MellowTDSettings) -> dict[str, Any]:
     """The kernel's settings of an algorithm, and where its posterior starts."""
     told = {**kernel_settings(s), "name": name}
     if isinstance(s, Settings):
-        variance = SPAN_JITTER if s.init == "span" else 1 / told["scale"]
-        told.update(init=s.init, variance=variance)
+        told.update(init=s.init, variance=SPAN_JITTER if s.init == "span" else 1 / told["scale"])
     return told
 
 

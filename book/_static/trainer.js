@@ -309,7 +309,6 @@
       this.paint(this.find(".deviation"), deviation, Math.max(...deviation));
     }
 
-    /* values: of the cells of a grid, lowest row first. */
     paint(part, values, most) {
       const canvas = part.querySelector("canvas"), context = canvas.getContext("2d"), size = canvas.width;
       const small = new OffscreenCanvas(CELLS, CELLS), cells = small.getContext("2d");

@@ -202,8 +202,7 @@ class Training {
 
   make() {
     const { chosen, pool, setup } = this;
-    const drawn = chosen.indices ?? choose(pool.length, chosen.sources, chosen.seed);
-    const given = drawn.map((i) => pool[i]);
+    const given = choose(pool.length, chosen.sources, chosen.seed).map((i) => pool[i]);
     const run = (name, what) => new Run(this.module, setup.fields, setup.settings[name], chosen, what);
     this.runs = { transfer: run(chosen.family, given) };
     if (chosen.fine) this.runs.fine = run("NT", given.slice(0, 1));
