@@ -24,6 +24,7 @@ from vtlib.native.runs import LANES, MOST_COMPONENTS, MOST_SOURCES, NO_CLIP
 from vtlib.stats import same_distribution_p
 
 HERE = Path(__file__).resolve().parent
+EVALUATION, LIKELIHOOD = ROOMS_EVALUATION.published, ROOMS_LIKELIHOOD.published
 # Set to how many runs of each algorithm to compare with stored ones, at most 400.
 RUNS = int(os.environ.get("VTLIB_PAGE_RUNS", "20"))
 
@@ -57,14 +58,14 @@ def test_the_kernel_in_the_repository_is_what_its_source_compiles_to(tmp_path: P
 
 
 def test_the_parts_of_the_scripts(tmp_path: Path) -> None:
-    html = trainer.train_here(ROOMS_EVALUATION, (2.0, 8.0))
+    html = trainer.train_here(EVALUATION, (2.0, 8.0))
     run_node(html, tmp_path, "--test", str(HERE / "trainer" / "parts.test.js"))
 
 
 @pytest.mark.parametrize(("family", "label"), [("MGVT", "1-MGVT"), ("GVT", "GVT")])
 def test_runs_in_the_page_are_distributed_as_stored_runs(family, label, tmp_path) -> None:
-    tasks, stored = load(ROOMS_LIKELIHOOD, "tasks"), returns(ROOMS_LIKELIHOOD, label)
-    rows = np.arange(RUNS) * (ROOMS_LIKELIHOOD.runs // RUNS)
+    tasks, stored = load(LIKELIHOOD, "tasks"), returns(LIKELIHOOD, label)
+    rows = np.arange(RUNS) * (LIKELIHOOD.runs // RUNS)
     runs = [
         {
             "family": family,
@@ -74,7 +75,7 @@ def test_runs_in_the_page_are_distributed_as_stored_runs(family, label, tmp_path
         }
         for row in rows
     ]
-    html = trainer.train_here(ROOMS_LIKELIHOOD, (5.0,))
+    html = trainer.train_here(LIKELIHOOD, (5.0,))
     printed = run_node(html, tmp_path, str(HERE / "trainer" / "runs.js"), json.dumps([runs, 1_000]))
     there = stored.learning.sel(iteration=1_000).values[rows]
     p = same_distribution_p(np.array(json.loads(printed)), there, np.random.default_rng(0))
@@ -82,12 +83,12 @@ def test_runs_in_the_page_are_distributed_as_stored_runs(family, label, tmp_path
 
 
 def test_a_page_grows_by_little_and_holds_the_sources() -> None:
-    html = trainer.train_here(ROOMS_EVALUATION, (2.0, 8.0), family="GVT")
+    html = trainer.train_here(EVALUATION, (2.0, 8.0), family="GVT")
     assert len(html.encode()) < 150_000
     setup = setup_of(html)
     pool = np.frombuffer(b64decode(setup["pool"]), np.int8).reshape(50, 484)
     scales = np.array(setup["scales"])[:, None]
-    assert np.abs(pool * scales - weights(ROOMS_EVALUATION.pool)).max() <= 0.501 * scales.max()
+    assert np.abs(pool * scales - weights(EVALUATION.pool)).max() <= 0.501 * scales.max()
     assert b64decode(setup["wasm"]) == PAGE.read_bytes()
     assert (
         f"{len(PAGE.read_bytes()) / 1e3:.0f} kB of compiled C++, 24 kB of solved source tasks"
@@ -97,8 +98,10 @@ def test_a_page_grows_by_little_and_holds_the_sources() -> None:
 
 
 def test_the_page_is_told_of_algorithms_what_the_kernel_is() -> None:
-    told = setup_of(trainer.train_here(ROOMS_EVALUATION, (2.0, 8.0)))["settings"]
+    told = setup_of(trainer.train_here(EVALUATION, (2.0, 8.0)))["settings"]
     assert told["MGVT"]["variance"] == pytest.approx(1e-5)
+    assert (told["GVT"]["ddof"], told["GVT"]["kl_clip"]) == (1, 100)
+    assert told["fine"]["epsilon_start"] == pytest.approx(0.02)
     assert told["GVT"]["scale"] == pytest.approx(1e4)
     assert told["NT"]["clip"] == NO_CLIP
 
@@ -114,7 +117,7 @@ def test_the_kernel_has_room_for_all_that_the_controls_offer() -> None:
 
 
 def test_curves_are_means_over_stored_runs() -> None:
-    runs = returns(ROOMS_EVALUATION, "GVT")
+    runs = returns(EVALUATION, "GVT")
     (curve,) = trainer.mean_curves({"GVT": runs}, 1_000)
     assert curve["iterations"] == list(range(100, 1_001, 100))
     assert curve["values"][-1] == pytest.approx(

@@ -14,30 +14,48 @@ from xarray import Dataset
 
 from vtlib.baselines import MellowTDSettings
 from vtlib.experiments.experiment import Experiment
-from vtlib.experiments.rooms import GVT, MGVT, NT
+from vtlib.experiments.published import PublishedCurve
+from vtlib.experiments.rooms import NT, NT_GREEDY, PUBLISHED_GVT, PUBLISHED_MGVT
 from vtlib.experiments.store import weights
 from vtlib.native.build import PAGE
 from vtlib.native.runs import INTEGERS, NUMBERS, kernel_settings
-from vtlib.plots import COLOURS
+from vtlib.plots import COLOURS, PUBLISHED
 from vtlib.priors import SPAN_JITTER
 from vtlib.transfer import Settings
 
 STATIC = Path(__file__).resolve().parents[1] / "book" / "_static"
-ALGORITHMS: dict[str, Settings | MellowTDSettings] = {"MGVT": MGVT, "GVT": GVT, "NT": NT}
+# As published, where the thesis' figures begin; fine-tuning hardly explores.
+ALGORITHMS: dict[str, Settings | MellowTDSettings] = {
+    "MGVT": PUBLISHED_MGVT,
+    "GVT": PUBLISHED_GVT,
+    "NT": NT,
+    "fine": NT_GREEDY,
+}
 
 
 def mean_curves(runs: Mapping[str, Dataset], until: int) -> list[dict[str, Any]]:
     """Mean learning returns of stored runs up to an iteration, as ``train_here`` draws them."""
-    until_then = {label: one.sel(iteration=slice(None, until)) for label, one in runs.items()}
+    stored = {label: one.sel(iteration=slice(None, until)) for label, one in runs.items()}
     return [
-        {
-            "label": f"{label}, {stored.sizes['run']} runs",
-            "colour": COLOURS[label],
-            "iterations": stored.iteration.values.tolist(),
-            "values": stored.learning.mean("run").values.round(3).tolist(),
-        }
-        for label, stored in until_then.items()
+        _reference(
+            f"{label}, {one.sizes['run']} runs",
+            COLOURS[label],
+            one.iteration.values,
+            one.learning.mean("run").values,
+        )
+        for label, one in stored.items()
     ]
+
+
+def published_curve(curve: PublishedCurve, until: int) -> dict[str, Any]:
+    """A published curve up to an iteration, as ``train_here`` draws it."""
+    kept = curve.iterations <= until
+    return _reference("published", PUBLISHED, curve.iterations[kept], curve.mean[kept])
+
+
+def _reference(label: str, colour: str, at: np.ndarray, values: np.ndarray) -> dict[str, Any]:
+    drawn = {"iterations": at.tolist(), "values": values.round(3).tolist()}
+    return {"label": label, "colour": colour, **drawn}
 
 
 def train_here(
@@ -82,7 +100,8 @@ def _told(name: str, s: Settings | MellowTDSettings) -> dict[str, Any]:
     """The kernel's settings of an algorithm, and where its posterior starts."""
     told = {**kernel_settings(s), "name": name}
     if isinstance(s, Settings):
-        told.update(init=s.init, variance=SPAN_JITTER if s.init == "span" else 1 / told["scale"])
+        variance = SPAN_JITTER if s.init == "span" else 1 / told["scale"]
+        told.update(init=s.init, variance=variance, ddof=s.ddof)
     return told
 
 

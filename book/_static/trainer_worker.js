@@ -42,11 +42,13 @@ function cholesky(n, entry) {
   return L;
 }
 
-/* The Gaussian prior of sources (eqs. 5.5, 5.6): its mean, the rows of W for its precision
-   (I - W W^T) / jitter, and the factor of B B^T + variance I, where a posterior starts. */
-function gaussianPrior(sources, jitter, variance) {
+/* The Gaussian prior of sources (eqs. 5.5, 5.6; a sum over their number less ddof): its mean, the rows
+   of W for its precision (I - W W^T) / jitter, and the factor of B B^T + variance I, where a posterior
+   starts. */
+function gaussianPrior(sources, jitter, variance, ddof) {
   const count = sources.length, mean = meanOf(sources.map((w) => Float64Array.from(w)));
-  const B = sources.map((w) => mean.map((m, i) => (w[i] - m) / Math.sqrt(count)));
+  const freedom = Math.max(1, count - ddof);  // a single source has no spread
+  const B = sources.map((w) => mean.map((m, i) => (w[i] - m) / Math.sqrt(freedom)));
   const inner = (i, j) => B[i].reduce((total, b, k) => total + b * B[j][k], i === j ? jitter : 0);
   const R = cholesky(count, inner), W = [];
   for (let i = 0; i < count; i++) {
@@ -83,7 +85,7 @@ function varianceOf(factor, shares, from) {
 
 /* One run in an instance of the kernel. fields: names of the kernel's settings, in its order; base:
    their values, and the algorithm's name; chosen: {doors, lambda, psi, components, seed}; sources:
-   what is transferred. A run without transfer (NT) starts from the first of them, or from zero. */
+   what is transferred. A learner (family 0) starts from their mean, or from zero. */
 class Run {
   constructor(module, fields, base, chosen, sources) {
     this.kernel = new WebAssembly.Instance(module).exports;
@@ -92,7 +94,7 @@ class Run {
     this.steps = this.arrival = this.episodes = 0;
     this.base = base;
     this.settings = { ...base };
-    if (base.name !== "NT") Object.assign(this.settings, { lambda_: chosen.lambda, psi: chosen.psi });
+    if (base.family) Object.assign(this.settings, { lambda_: chosen.lambda, psi: chosen.psi });
     if (base.name === "MGVT") this.settings.components = chosen.components;
     this.hand(sources);
     const view = new DataView(this.kernel.memory.buffer), at = this.at("settings");
@@ -116,10 +118,10 @@ class Run {
   hand(sources) {
     const { settings } = this, zero = new Float32Array(WEIGHTS);
     const rows = (name, list) => list.forEach((row, i) => this.floats(name, WEIGHTS, i * ROW).set(row));
-    if (this.base.name === "NT") return rows("means", [sources[0] ?? zero]);
+    if (!this.base.family) return rows("means", [sources.length ? meanOf(sources) : zero]);
     settings.sources = sources.length;
     if (this.base.name === "GVT") {
-      const prior = gaussianPrior(sources, 1 / settings.scale, this.base.variance);
+      const prior = gaussianPrior(sources, 1 / settings.scale, this.base.variance, this.base.ddof);
       rows("means", [prior.mean]);
       rows("sources", [prior.mean]);
       rows("precision", prior.W);
@@ -205,7 +207,7 @@ class Training {
     const given = choose(pool.length, chosen.sources, chosen.seed).map((i) => pool[i]);
     const run = (name, what) => new Run(this.module, setup.fields, setup.settings[name], chosen, what);
     this.runs = { transfer: run(chosen.family, given) };
-    if (chosen.fine) this.runs.fine = run("NT", given.slice(0, 1));
+    if (chosen.fine) this.runs.fine = run("fine", given);
     if (chosen.none) this.runs.none = run("NT", []);
     this.curves = Object.fromEntries(Object.keys(this.runs).map((name) => [name, [0]]));
     this.busy = this.done = 0;

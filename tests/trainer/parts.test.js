@@ -70,7 +70,7 @@ test("radial bases sum to one", () => {
 
 test("the precision of the Gaussian prior is the inverse of the covariance that L L' makes", () => {
   const jitter = 1e-4, few = sources.slice(0, 4), d = few[0].length;
-  const { mean, W, factor } = worker.gaussianPrior(few, jitter, jitter);
+  const { mean, W, factor } = worker.gaussianPrior(few, jitter, jitter, 0);
   close(mean[100], few.reduce((total, w) => total + w[100] / 4, 0));
   const x = Float64Array.from({ length: d }, (_, i) => Math.sin(i));
   const down = x.map((_, j) => x.reduce((t, v, i) => t + (i >= j ? factor[i * d + j] * v : 0), 0));
