@@ -35,7 +35,7 @@ FEW, MANY = 2, 10  # sources
 
 def rooms_evaluation() -> list[Claim]:
     """Section 6.1.1, Figure 6.2; its learning curves are drawn to 15,000 iterations."""
-    figure, end = Figure(rooms.ROOMS_EVALUATION, "rooms-evaluation"), 14_900
+    figure, end = Figure(rooms.ROOMS_EVALUATION._asdict(), "rooms-evaluation"), 14_900
     apart = load(rooms.ROOMS_CALIBRATION, "3-MGVT")
     return [
         *(
@@ -114,7 +114,7 @@ def rooms_evaluation() -> list[Claim]:
 
 def rooms_distribution_change() -> list[Claim]:
     """Section 6.1.2, Figure 6.3."""
-    figure, end = Figure(rooms.ROOMS_CHANGE, "rooms-distribution-change"), 14_900
+    figure, end = Figure(rooms.ROOMS_CHANGE._asdict(), "rooms-distribution-change"), 14_900
     away = np.abs(load(rooms.ROOMS_CHANGE.published, "tasks").doors.values[:, 0])
     away = np.abs(away - rooms.FIXED_LOWER)
     return [
@@ -316,7 +316,7 @@ def rooms_number_of_sources() -> list[Claim]:
 
 def cartpole() -> list[Claim]:
     """Section 6.2.1, Figure 6.8."""
-    figure, end = Figure(CARTPOLE, "cartpole"), 8_900
+    figure, end = Figure(CARTPOLE._asdict(), "cartpole"), 8_900
     return [
         *(
             figure.claim(
@@ -375,7 +375,7 @@ def cartpole() -> list[Claim]:
 
 def mountain_car() -> list[Claim]:
     """Section 6.2.2, Figure 6.10; shares are of the way from never arriving to the optimum."""
-    figure, end = Figure(CAR, "mountain-car", FLOOR), 39_600
+    figure, end = Figure({"published": CAR}, "mountain-car", FLOOR), 39_600
     return [
         figure.claim(
             "GVT has no significant advantage over DDQN.",

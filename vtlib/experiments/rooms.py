@@ -8,7 +8,7 @@ from attrs import evolve
 
 from vtlib.baselines import FineTuning, MellowTDSettings
 from vtlib.envs.rooms import RoomsFamily
-from vtlib.experiments.experiment import Algorithm, Experiment, Pool, sliders_of
+from vtlib.experiments.experiment import Algorithm, Experiment, Pool
 from vtlib.experiments.protocols import (
     FINE_TUNED,
     FINE_TUNED_GREEDY,
@@ -143,8 +143,6 @@ ROOMS_CORNER = evolve(
     ),
 )
 
-ROOMS_SLIDERS = sliders_of(ROOMS_EVALUATION.published, "rooms-sliders", 10, 5_000)
-
 FIXED_LOWER = 5.0  # where the lower door of every source is, in section 6.1.2
 ROOMS_CHANGE = _protocols(
     "rooms-distribution-change",
@@ -241,5 +239,4 @@ EXPERIMENTS = (
     ROOMS_FRONTIER,
     ROOMS_CORNER,
     ROOMS_CALIBRATION,
-    ROOMS_SLIDERS,
 )
