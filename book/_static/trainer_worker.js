@@ -42,12 +42,11 @@ function cholesky(n, entry) {
   return L;
 }
 
-/* The Gaussian prior of sources (eqs. 5.5, 5.6; a sum over their number less ddof): its mean, the rows
-   of W for its precision (I - W W^T) / jitter, and the factor of B B^T + variance I, where a posterior
-   starts. */
+/* The Gaussian prior of sources (eqs. 5.5, 5.6): its mean, the rows of W for its precision
+   (I - W W^T) / jitter, and the factor of B B^T + variance I, where a posterior starts. */
 function gaussianPrior(sources, jitter, variance, ddof) {
-  const count = sources.length, mean = meanOf(sources.map((w) => Float64Array.from(w)));
-  const freedom = Math.max(1, count - ddof);  // a single source has no spread
+  const count = sources.length, freedom = Math.max(1, count - ddof);  // one source has no spread
+  const mean = meanOf(sources.map((w) => Float64Array.from(w)));
   const B = sources.map((w) => mean.map((m, i) => (w[i] - m) / Math.sqrt(freedom)));
   const inner = (i, j) => B[i].reduce((total, b, k) => total + b * B[j][k], i === j ? jitter : 0);
   const R = cholesky(count, inner), W = [];
