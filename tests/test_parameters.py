@@ -24,9 +24,9 @@ from vtlib.experiments.rooms import (
 )
 from vtlib.transfer import Settings
 
-PROTOCOLS = {"rooms": ROOMS_EVALUATION, "cartpole": CARTPOLE, "mountain car": CAR}
+PROTOCOLS = {"rooms": ROOMS_EVALUATION, "cartpole": CARTPOLE}
 ENVIRONMENTS = {name: both.equations for name, both in PROTOCOLS.items()}
-ENVIRONMENTS["mazes"] = MAZE_TARGETS["north-east"]
+ENVIRONMENTS |= {"mountain car": CAR, "mazes": MAZE_TARGETS["north-east"]}
 # Appendix A and chapter 6, entered by hand. Where the thesis says nothing, nothing is here.
 TRANSFER = {
     "rooms": {
@@ -91,7 +91,7 @@ PUBLISHED = {
 PUBLISHED["3-MGVT"] = PUBLISHED["1-MGVT"]
 PUBLISHED_IN_ROOMS = {"GVT": {"lambda_": 1e-3, "buffer": 50_000}, "1-MGVT": {"buffer": 50_000}}
 PUBLISHED_IN_ROOMS["3-MGVT"] = PUBLISHED_IN_ROOMS["1-MGVT"]
-ITERATIONS = {"rooms": 20_000, "cartpole": 10_000, "mountain car": 40_000, "mazes": 20_000}
+ITERATIONS = {"rooms": 20_000, "cartpole": 10_000, "mountain car": 10_000, "mazes": 20_000}
 POOLS = {"rooms": 50, "cartpole": 100, "mountain car": 50, "mazes": 20}
 
 
@@ -168,21 +168,3 @@ def test_the_page_leaves_no_parameter_out(cells_of: Callable[[str], dict[str, An
     for environment, group, *_ in (key.split() for key in page["OTHERWISE"]):
         assert environment in {"rooms", "cartpole", "mountain-car", "mazes"}
         assert group in {"transfer", "sources", "NT", "DDQN"}
-
-
-@pytest.mark.parametrize(
-    ("value", "text"),
-    [
-        (1e-4, "10⁻⁴"),
-        (1e-3, "10⁻³"),
-        (2e-4, "0.0002"),
-        (0.1, "0.1"),
-        (0.99, "0.99"),
-        (1000.0, "1,000"),
-        (50_000, "50,000"),
-        ("step", "step"),
-        (True, "True"),
-    ],
-)
-def test_values_are_written_for_readers(cells_of, value: object, text: str) -> None:
-    assert cells_of("parameters")["written"](value) == text

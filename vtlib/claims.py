@@ -15,7 +15,7 @@ from scipy.stats import binomtest
 from xarray import Dataset
 
 from vtlib.experiments import returns
-from vtlib.experiments.protocols import Protocols
+from vtlib.experiments.experiment import Experiment
 from vtlib.experiments.published import PublishedCurve, curves
 from vtlib.rng import generator
 from vtlib.stats import Interval, mean_interval, ratio_interval, spread_interval
@@ -172,9 +172,9 @@ def share_interval(yes: np.ndarray) -> Interval:
 
 @frozen(eq=False)
 class Figure:
-    """Both protocols of an experiment, with the curves of its published figure if there is one."""
+    """An experiment in some protocols, with its published figure's curves if there are any."""
 
-    protocols: Protocols
+    protocols: Mapping[str, Experiment]
     name: str = ""
     floor: float = 0.0
     runs: Mapping[str, Mapping[str, Runs]] = field(init=False)
@@ -184,7 +184,7 @@ class Figure:
     def _load(self) -> Mapping[str, Mapping[str, Runs]]:
         return {
             protocol: {x: Runs(returns(experiment, x), self.floor) for x in experiment.algorithms}
-            for protocol, experiment in self.protocols._asdict().items()
+            for protocol, experiment in self.protocols.items()
         }
 
     @printed.default

@@ -1,7 +1,8 @@
 """Sphinx extension: a page runs again whenever something that its figures depend on has changed.
 
 jupyter-cache recognises a page by its code cells alone. Here the cache lives in a folder named by
-a hash of everything else a page reads: the library, the pinned versions and the stored runs.
+a hash of everything else a page reads: the library, the pinned versions, the stored
+runs and the panel that pages hold a copy of.
 """
 
 from __future__ import annotations
@@ -20,7 +21,8 @@ def dependencies(root: Path) -> Iterator[Path]:
     """Files that decide a page's outputs beside its own cells, in a fixed order."""
     yield root / "requirements.txt"
     results = Path(os.environ.get("VTLIB_RESULTS", root / "book" / "results"))
-    for path in sorted([*(root / "vtlib").rglob("*"), *results.rglob("*")]):
+    panel = (root / "book" / "_static").glob("trainer*")
+    for path in sorted([*(root / "vtlib").rglob("*"), *results.rglob("*"), *panel]):
         if path.is_file() and not IGNORED.intersection(path.parts):
             yield path
 

@@ -22,7 +22,6 @@ from vtlib.claims import (
 )
 from vtlib.experiments import likelihood, load, returns, rooms
 from vtlib.experiments.cartpole import CARTPOLE
-from vtlib.experiments.mountain_car import CAR, FLOOR
 from vtlib.experiments.published import rows
 from vtlib.stats import Interval, difference_interval, mean_interval, slope_interval
 
@@ -35,7 +34,7 @@ FEW, MANY = 2, 10  # sources
 
 def rooms_evaluation() -> list[Claim]:
     """Section 6.1.1, Figure 6.2; its learning curves are drawn to 15,000 iterations."""
-    figure, end = Figure(rooms.ROOMS_EVALUATION, "rooms-evaluation"), 14_900
+    figure, end = Figure(rooms.ROOMS_EVALUATION._asdict(), "rooms-evaluation"), 14_900
     apart = load(rooms.ROOMS_CALIBRATION, "3-MGVT")
     return [
         *(
@@ -114,7 +113,7 @@ def rooms_evaluation() -> list[Claim]:
 
 def rooms_distribution_change() -> list[Claim]:
     """Section 6.1.2, Figure 6.3."""
-    figure, end = Figure(rooms.ROOMS_CHANGE, "rooms-distribution-change"), 14_900
+    figure, end = Figure(rooms.ROOMS_CHANGE._asdict(), "rooms-distribution-change"), 14_900
     away = np.abs(load(rooms.ROOMS_CHANGE.published, "tasks").doors.values[:, 0])
     away = np.abs(away - rooms.FIXED_LOWER)
     return [
@@ -316,7 +315,7 @@ def rooms_number_of_sources() -> list[Claim]:
 
 def cartpole() -> list[Claim]:
     """Section 6.2.1, Figure 6.8."""
-    figure, end = Figure(CARTPOLE, "cartpole"), 8_900
+    figure, end = Figure(CARTPOLE._asdict(), "cartpole"), 8_900
     return [
         *(
             figure.claim(
@@ -373,64 +372,6 @@ def cartpole() -> list[Claim]:
     ]
 
 
-def mountain_car() -> list[Claim]:
-    """Section 6.2.2, Figure 6.10; shares are of the way from never arriving to the optimum."""
-    figure, end = Figure(CAR, "mountain-car", FLOOR), 39_600
-    return [
-        figure.claim(
-            "GVT has no significant advantage over DDQN.",
-            f"GVT minus DDQN, averaged until {end:,}, of the way to the optimum",
-            lambda a, b: a.gain_until(b, end),
-            "GVT",
-            "DDQN",
-            high=0.25,
-        ),
-        *(
-            figure.claim(
-                f"{x} learns faster than {other}.",
-                f"{x} minus {other}, averaged until {end:,}, of the way to the optimum",
-                lambda a, b: a.gain_until(b, end),
-                x,
-                other,
-                low=0.0,
-            )
-            for x in MIXTURES
-            for other in ("GVT", "DDQN")
-        ),
-        *(
-            figure.claim(
-                f"{x} converges to the optimum.",
-                f"learning return at {end:,}, of the way to the optimum",
-                lambda a: a.share(end),
-                x,
-                low=OPTIMAL,
-            )
-            for x in MIXTURES
-        ),
-        *(
-            figure.claim(
-                f"The jump-start of {x} is not great.",
-                "learning return at 600, of the way to the optimum",
-                lambda a: a.share(600),
-                x,
-                high=0.6,
-            )
-            for x in MIXTURES
-        ),
-        *(
-            figure.claim(
-                f"{x} shows no negative transfer.",
-                f"{x} minus DDQN, averaged until {end:,}, of the way to the optimum",
-                lambda a, b: a.gain_until(b, end),
-                x,
-                "DDQN",
-                low=0.0,
-            )
-            for x in TRANSFER
-        ),
-    ]
-
-
 # The pages in the book's order.
 PAGES: Mapping[str, Callable[[], list[Claim]]] = {
     judge.__name__: judge
@@ -441,6 +382,5 @@ PAGES: Mapping[str, Callable[[], list[Claim]]] = {
         rooms_likelihood,
         rooms_number_of_sources,
         cartpole,
-        mountain_car,
     )
 }

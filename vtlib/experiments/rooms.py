@@ -8,7 +8,7 @@ from attrs import evolve
 
 from vtlib.baselines import FineTuning, MellowTDSettings
 from vtlib.envs.rooms import RoomsFamily
-from vtlib.experiments.experiment import Algorithm, Experiment, Pool, sliders_of
+from vtlib.experiments.experiment import Algorithm, Experiment, Pool
 from vtlib.experiments.protocols import (
     FINE_TUNED,
     FINE_TUNED_GREEDY,
@@ -96,14 +96,12 @@ ROOMS_INGREDIENTS = evolve(
         "GVT, covariance with n": evolve(PUBLISHED_GVT, ddof=0),
         "GVT, lambda 1e-4": evolve(PUBLISHED_GVT, lambda_=GVT.lambda_),
         "GVT, lambda 1e-6": evolve(PUBLISHED_GVT, lambda_=MGVT.lambda_),
-        "GVT, buffer 10,000": evolve(PUBLISHED_GVT, buffer=GVT.buffer),
         "GVT, from the prior, no clip": evolve(PUBLISHED_GVT, init="sources", kl_clip=None),
         "1-MGVT": PUBLISHED_MGVT,
         "1-MGVT, from a source": evolve(PUBLISHED_MGVT, init="sources"),
         "1-MGVT, exact responsibilities": evolve(PUBLISHED_MGVT, responsibilities="exact"),
         "1-MGVT, full KL": evolve(PUBLISHED_MGVT, kl="full"),
         "1-MGVT, lambda 1e-3": evolve(PUBLISHED_MGVT, lambda_=PUBLISHED_GVT.lambda_),
-        "1-MGVT, buffer 10,000": evolve(PUBLISHED_MGVT, buffer=MGVT.buffer),
     },
     iterations=INGREDIENT_ITERATIONS,
 )
@@ -144,8 +142,6 @@ ROOMS_CORNER = evolve(
         as_targets=True,
     ),
 )
-
-ROOMS_SLIDERS = sliders_of(ROOMS_EVALUATION.published, "rooms-sliders", 10, 5_000)
 
 FIXED_LOWER = 5.0  # where the lower door of every source is, in section 6.1.2
 ROOMS_CHANGE = _protocols(
@@ -243,5 +239,4 @@ EXPERIMENTS = (
     ROOMS_FRONTIER,
     ROOMS_CORNER,
     ROOMS_CALIBRATION,
-    ROOMS_SLIDERS,
 )

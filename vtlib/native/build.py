@@ -15,6 +15,9 @@ FLAGS = ("-O3", "-ffp-contract=on", "-fno-math-errno", "-fno-exceptions", "-fno-
 # What to compile for, best first, and what processors have that can run it, as torch calls it.
 ANY = ("AVX512", "AVX2", "DEFAULT", "NO AVX", "SVE256", "ZVECTOR", "VSX")
 LEVELS = {"x86_64_v4": ANY[:1], "x86_64_v3": ANY[:2], "baseline": ANY}
+# What a page calls, in the order of page.cpp. There size counts, and speed suffers little by it.
+PAGE = HERE / "page.wasm"
+EXPORTS = ("place", "begin_run", "iterate_run", "learning", "unpack", "greedy")
 SYSTEMS = {"Linux": ("linux-gnu", "so"), "Darwin": ("macos", "dylib")}
 
 
@@ -35,12 +38,25 @@ def compile_kernels() -> list[Path]:
         raise RuntimeError(f"the kernels cannot be compiled here: {error}") from error
 
 
+def compile_page(out: Path = PAGE) -> Path:
+    """Compile the rooms for a browser, to the same bytes on every machine; raises as above."""
+    linker = ["--no-entry", "--strip-all", *(f"--export={name}" for name in EXPORTS)]
+    flags = ["-Os", "-nostdlib", *(f"-Wl,{option}" for option in linker)]
+    try:
+        return _run("page.cpp", out, "wasm32-freestanding", "generic+simd128", flags)
+    except (OSError, subprocess.SubprocessError) as error:
+        raise RuntimeError(f"the page's kernel cannot be compiled here: {error}") from error
+
+
 def _compile(level: str, target: str) -> Path:
-    out = library(level)
-    with tempfile.TemporaryDirectory(dir=LIBRARIES) as folder:
+    return _run("kernel.cpp", library(level), target, level, ["-shared", "-fPIC"])
+
+
+def _run(source: str, out: Path, target: str, cpu: str, flags: list[str]) -> Path:
+    with tempfile.TemporaryDirectory(dir=out.parent) as folder:
         new = Path(folder) / out.name
-        command = [sys.executable, "-m", "ziglang", "c++", "-target", target, f"-mcpu={level}"]
-        command += [*FLAGS, "-shared", "-fPIC", "-o", str(new), str(HERE / "kernel.cpp")]
+        command = [sys.executable, "-m", "ziglang", "c++", "-target", target, f"-mcpu={cpu}"]
+        command += [*FLAGS, *flags, "-o", str(new), str(HERE / source)]
         subprocess.run(command, check=True, capture_output=True, text=True, timeout=300)
         new.replace(out)  # at once: a process that loads it meanwhile has the old one or the new
     return out

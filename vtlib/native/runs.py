@@ -30,8 +30,10 @@ LINE = 64  # bytes that a cache line has, at multiples of which the kernel's arr
 AHEAD = 16  # iterations whose random numbers are drawn at a time
 NO_CLIP = 3e38
 INTEGERS = "family components sources n_samples minibatch buffer equal diagonal_kl epsilon_steps"
-NUMBERS = "lambda_ psi kappa gamma alpha_mu alpha_L sigma_min clip kl_clip scale"
-EPSILONS = "epsilon_start epsilon_end"
+NUMBERS = (
+    "lambda_ psi kappa gamma alpha_mu alpha_L sigma_min clip kl_clip scale "
+    "epsilon_start epsilon_end"
+)
 ROLES = ("posterior", "component", "replay", "noise", "start", "exploration")
 
 _Floats = ctypes.POINTER(ctypes.c_float)
@@ -42,7 +44,7 @@ class _Settings(ctypes.Structure):
 
     _fields_ = [
         *((name, ctypes.c_int32) for name in INTEGERS.split()),
-        *((name, ctypes.c_float) for name in (NUMBERS + " " + EPSILONS).split()),
+        *((name, ctypes.c_float) for name in NUMBERS.split()),
         ("task", ctypes.c_float * MOST_PARAMETERS),
     ]
 
@@ -71,6 +73,24 @@ def supports(family: TaskFamily, algorithm: Any, sources: int) -> bool:
         and sources <= MOST_SOURCES
         and (algorithm.act, algorithm.covariance, algorithm.patience) == ("step", "full", 0)
     )
+
+
+def kernel_settings(algorithm: Any) -> dict[str, Any]:
+    """What the kernel is told of an algorithm, by the names that it has there."""
+    s = algorithm
+    told = {x: getattr(s, x) for x in f"{INTEGERS} {NUMBERS}".split() if hasattr(s, x)}
+    if not s.transfers:
+        return {**told, "family": LEARNER, "components": 1, "alpha_mu": s.alpha, "clip": NO_CLIP}
+    gaussian = s.family == "gaussian"
+    return {
+        **told,
+        "family": GAUSSIAN if gaussian else MIXTURE,
+        "clip": NO_CLIP if s.clip is None else s.clip,
+        "kl_clip": NO_CLIP if s.kl_clip is None else s.kl_clip,
+        "equal": s.responsibilities == "equal",
+        "diagonal_kl": s.kl == "diagonal",
+        "scale": 1 / (s.jitter if gaussian else s.sigma_p2),
+    }
 
 
 class NativeRun:
@@ -142,25 +162,16 @@ class NativeRun:
     def _set(self, given: Tensor, parameters: list[float]) -> np.ndarray:
         """Hand over all that a run begins with, but the factors L (C, d, d), which are returned."""
         s, to = self._algorithm, self._settings
-        for name in ("minibatch", "buffer", "psi", "kappa", "gamma"):
-            setattr(to, name, getattr(s, name))
+        for name, value in kernel_settings(s).items():
+            setattr(to, name, value)
         to.task[:] = [*parameters, *[0.0] * (MOST_PARAMETERS - len(parameters))]
         if not s.transfers:
-            to.family, to.components, to.alpha_mu, to.clip = LEARNER, 1, s.alpha, NO_CLIP
-            for name in ("epsilon_steps", "epsilon_start", "epsilon_end"):
-                setattr(to, name, getattr(s, name))
             self.mu = self.mu[:1]
             self.mu[:] = given.numpy()
             return np.zeros(0, np.float32)
-        for name in ("components", "n_samples", "alpha_mu", "alpha_L", "sigma_min", "lambda_"):
-            setattr(to, name, getattr(s, name))
-        to.family = GAUSSIAN if s.family == "gaussian" else MIXTURE
-        to.sources, to.clip = len(given), NO_CLIP if s.clip is None else s.clip
-        to.kl_clip = NO_CLIP if s.kl_clip is None else s.kl_clip
-        to.equal, to.diagonal_kl = s.responsibilities == "equal", s.kl == "diagonal"
+        to.sources = len(given)
         prior = s.prior(given.unsqueeze(0))
         start = prior.start(s.components, s.init)
-        to.scale = prior.precision.scale
         self.mu = self.mu[: s.components]
         self.mu[:] = start.mu[0].numpy()
         if prior.precision.W is not None:

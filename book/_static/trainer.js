@@ -1,0 +1,331 @@
+/* The panel of "Train it here": a reader trains the method in the page, in a thread beside it. */
+"use strict";
+
+(function () {
+  /* What a reader may choose: least, most, step and start of each number. */
+  const RANGES = {
+    power: [-8, -1, 0.1, -6],
+    psi: [0, 1, 0.01, 0.5],
+    components: [1, 3, 1, 1],
+    sources: [1, 10, 1, 10],
+    seed: [0, 9999, 1, 1],
+    door: [0.5, 9.5, 0.1, 5],
+  };
+  const SIDE = 10, CELLS = 20;
+  const LIVE = { transfer: "this run", fine: "fine-tuning", none: "no transfer" };
+
+  /* A number held to its range and step; what is no number becomes the start. */
+  function clamp(name, value) {
+    const [least, most, step, start] = RANGES[name];
+    const number = value === "" || value === null ? NaN : Number(value);
+    if (Number.isNaN(number)) return start;
+    const held = Math.min(most, Math.max(least, number));
+    return Number((Math.round((held - least) / step) * step + least).toFixed(6));
+  }
+
+  /* What the kernel is asked for, whatever the controls hold. */
+  function chosen(raw) {
+    const family = raw.family === "GVT" ? "GVT" : "MGVT";
+    return {
+      family,
+      lambda: 10 ** clamp("power", raw.power),
+      psi: clamp("psi", raw.psi),
+      components: family === "GVT" ? 1 : clamp("components", raw.components),
+      sources: clamp("sources", raw.sources),
+      seed: clamp("seed", raw.seed),
+      doors: raw.doors.map((door) => clamp("door", door)),
+      fine: Boolean(raw.fine),
+      none: Boolean(raw.none),
+    };
+  }
+
+  /* A power of ten as a reader writes it: 3.2 · 10⁻⁵. */
+  function scientific(power) {
+    const whole = Math.floor(power + 1e-9), digit = (10 ** (power - whole)).toFixed(1);
+    const raised = String(whole).replace(/./g, (sign) => "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"["-0123456789".indexOf(sign)]);
+    return `${digit === "1.0" ? "" : `${digit} · `}10${raised}`;
+  }
+
+  /* A round distance that leaves about five ticks. */
+  function tick(most) {
+    const unit = 10 ** Math.floor(Math.log10(most / 5));
+    return [1, 2, 5, 10].map((times) => times * unit).find((distance) => distance >= most / 5);
+  }
+
+  /* The colour of a share between 0 and 1, from dark violet to light yellow in even steps. */
+  const colour = (share) => `oklch(${0.3 + 0.6 * share} 0.13 ${295 - 190 * share})`;
+
+  /* Heights of the walls between rooms of equal height. */
+  const wallsOf = (count) => Array.from({ length: count }, (_, i) => (SIDE * (i + 1)) / (count + 1));
+
+  /* Where a key takes a door; undefined when it means nothing here. */
+  function moved(door, key) {
+    const by = { ArrowLeft: -0.1, ArrowDown: -0.1, ArrowRight: 0.1, ArrowUp: 0.1, PageDown: -1, PageUp: 1 };
+    const ends = { Home: RANGES.door[0], End: RANGES.door[1] };
+    return ends[key] ?? (key in by ? clamp("door", door + by[key]) : undefined);
+  }
+
+  if (typeof module !== "undefined") {
+    module.exports = { RANGES, chosen, clamp, colour, moved, scientific, tick, wallsOf };
+    return;
+  }
+
+  const bytesOf = (text) => Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
+  const grouped = (number) => Math.round(number).toLocaleString("en");
+  const points = (pairs) => pairs.map((pair) => pair.map((x) => x.toFixed(2)).join()).join(" ");
+
+  function draw(parent, kind, attributes, text = "") {
+    const element = document.createElementNS("http://www.w3.org/2000/svg", kind);
+    Object.entries(attributes).forEach(([name, value]) => element.setAttribute(name, value));
+    element.textContent = text;
+    return parent.appendChild(element);
+  }
+
+  /* The square, its doors as sliders, and where the agent was. */
+  class Plan {
+    constructor(svg, doors, onMove) {
+      Object.assign(this, { svg, doors: [...doors], onMove, heights: wallsOf(doors.length) });
+      this.walls = doors.map(() => draw(svg.querySelector(".walls"), "path", {}));
+      this.handles = doors.map((_, i) => this.handle(i));
+      doors.forEach((door, i) => this.move(i, door));
+    }
+
+    handle(i) {
+      const [least, most] = RANGES.door, one = draw(this.svg, "g", {
+        class: "door", role: "slider", tabindex: 0, "aria-valuemin": least, "aria-valuemax": most,
+        "aria-label": this.doors.length === 1 ? "Door" : ["Lower door", "Upper door"][i],
+      });
+      draw(one, "rect", { x: -0.9, y: -0.75, width: 1.8, height: 1.5, class: "reach" });
+      draw(one, "rect", { x: -0.5, y: -0.2, width: 1, height: 0.4, rx: 0.2, class: "grip" });
+      draw(one, "path", { d: "M-.2 -.1 L-.32 0 L-.2 .1 M.2 -.1 L.32 0 L.2 .1", class: "arrows" });
+      one.addEventListener("keydown", (event) => {
+        const to = moved(this.doors[i], event.key);
+        if (to !== undefined) event.preventDefault();
+        this.move(i, to ?? this.doors[i], true);
+      });
+      one.addEventListener("pointerdown", (event) => one.setPointerCapture(event.pointerId));
+      one.addEventListener("pointermove", (event) => {
+        if (!one.hasPointerCapture(event.pointerId)) return;
+        const inside = this.svg.getScreenCTM().inverse();
+        const { x } = new DOMPoint(event.clientX, event.clientY).matrixTransform(inside);
+        this.move(i, clamp("door", x), true);
+      });
+      return one;
+    }
+
+    move(i, door, tell = false) {
+      if (tell && door === this.doors[i]) return;
+      this.doors[i] = door;
+      const y = SIDE - this.heights[i];
+      this.walls[i].setAttribute("d", `M0 ${y} H${door - 0.5} M${door + 0.5} ${y} H${SIDE}`);
+      this.handles[i].setAttribute("transform", `translate(${door} ${y})`);
+      this.handles[i].setAttribute("aria-valuenow", door);
+      if (tell) this.onMove();
+    }
+
+    show({ path, last }) {
+      const turned = (walk) => walk.map(([x, y]) => [x, SIDE - y]), [x, y] = turned(path).at(-1);
+      this.svg.querySelector(".last").setAttribute("points", points(turned(last)));
+      this.svg.querySelector(".now").setAttribute("points", points(turned(path)));
+      this.svg.querySelector(".agent").setAttribute("transform", `translate(${x} ${y})`);
+    }
+  }
+
+  /* Learning return over iterations: stored curves, and over them those of this run. */
+  class Chart {
+    constructor(svg, setup) {
+      const [left, right, top, bottom] = [34, 372, 22, 200], axes = svg.querySelector(".axes");
+      Object.assign(this, { svg, setup, top, bottom, marks: svg.querySelector(".marks") });
+      this.across = (t) => left + ((right - left) * t) / setup.iterations;
+      this.down = (y) => bottom - ((bottom - top) * Math.min(1, Math.max(0, y))) / 0.9;
+      for (const y of [0, 0.2, 0.4, 0.6, 0.8]) {
+        draw(axes, "line", { x1: left, x2: right, y1: this.down(y), y2: this.down(y) });
+        draw(axes, "text", { x: left - 6, y: this.down(y) + 4, "text-anchor": "end" }, y.toFixed(1));
+      }
+      for (let t = 0; t <= setup.iterations; t += tick(setup.iterations)) {
+        const anchor = t === setup.iterations ? "end" : "middle";
+        draw(axes, "text", { x: this.across(t), y: bottom + 15, "text-anchor": anchor }, grouped(t));
+      }
+      for (const one of setup.references) {
+        const line = draw(svg.querySelector(".references"), "polyline", { style: `--own: ${one.colour}` });
+        this.trace(line, one.iterations, one.values);
+      }
+    }
+
+    trace(line, places, values) {
+      line.setAttribute("points", points(values.map((y, i) => [this.across(places[i]), this.down(y)])));
+    }
+
+    mark(iteration) {
+      const x = this.across(iteration);
+      draw(this.marks, "line", { x1: x, x2: x, y1: this.top, y2: this.bottom });
+    }
+
+    show({ curves, learning, iteration }) {
+      for (const name of Object.keys(LIVE)) {
+        const values = curves[name] ? [...curves[name], learning[name]] : [];
+        const places = values.map((_, i) => Math.min(i * this.setup.every, iteration));
+        this.trace(this.svg.querySelector(`.${name}`), places, values);
+      }
+      const said = Object.entries(learning).map(([name, y]) => `${LIVE[name]} ${y.toFixed(2)}`).join(", ");
+      this.svg.setAttribute("aria-label", `Learning return after ${grouped(iteration)} iterations: ${said}`);
+    }
+  }
+
+  class Panel {
+    constructor(root) {
+      this.root = root;
+      this.setup = JSON.parse(root.querySelector("script[type='application/json']").textContent);
+      const { doors, start, worker } = this.setup, [wasm, pool] = [this.setup.wasm, this.setup.pool].map(bytesOf);
+      if (typeof WebAssembly !== "object" || !WebAssembly.validate(wasm)) {
+        root.querySelectorAll("button, input, select").forEach((control) => { control.disabled = true; });
+        this.say("This browser lacks WebAssembly with vector instructions (SIMD), which the training needs. "
+          + "Chrome 91, Firefox 89, Safari 16.4 and later have it.");
+        return;
+      }
+      for (const [name, [min, max, step, value]] of Object.entries(RANGES)) {
+        if (name !== "door") Object.assign(this.find(`[name=${name}]`), { min, max, step, value: start[name] ?? value });
+      }
+      this.calm = matchMedia("(prefers-reduced-motion: reduce)").matches;
+      this.form = this.find("form");
+      this.form.family.value = start.family ?? "MGVT";
+      this.plan = new Plan(this.find(".map"), doors, () => this.onDoor());
+      this.chart = new Chart(this.find(".chart"), this.setup);
+      this.worker = new Worker(URL.createObjectURL(new Blob([worker], { type: "text/javascript" })));
+      this.worker.onmessage = ({ data }) => this.receive(data);
+      this.worker.onerror = ({ message }) => this.say(`The training stopped: ${message}`);
+      this.listen();
+      this.setFamily();
+      const { fields, settings, every, iterations, scales } = this.setup;
+      this.begin({ wasm, pool, scales, setup: { fields, settings, every, iterations } });
+    }
+
+    find(selector) {
+      return this.root.querySelector(selector);
+    }
+
+    say(text) {
+      this.find(".says").textContent = text;
+    }
+
+    listen() {
+      const onClick = (selector, does) => this.find(selector).addEventListener("click", does);
+      onClick(".go", () => (this.running ? this.send({ rate: 0 }) : this.go()));
+      onClick(".step", () => this.send({ rate: 0, steps: 1 }));
+      onClick(".reset", () => { this.running = false; this.begin(); });
+      onClick(".next", () => {
+        this.form.seed.value = (this.choice.seed + 1) % (RANGES.seed[1] + 1);
+        this.begin();
+      });
+      this.find("[name=rate]").addEventListener("change", () => this.running && this.go());
+      this.form.addEventListener("submit", (event) => event.preventDefault());
+      this.form.addEventListener("input", ({ target }) => {
+        if (target.name === "family") this.setFamily();
+        if (target.name !== "keep") this.begin();
+      });
+    }
+
+    /* The thesis' lambda of a family, and components only where there is a choice. */
+    setFamily() {
+      const { family, power, components } = this.form;
+      power.value = clamp("power", Math.log10(this.setup.settings[family.value].lambda_));
+      components.disabled = family.value === "GVT";
+    }
+
+    get choice() {
+      const { fine, none } = this.form, { doors } = this.plan, held = Object.fromEntries(new FormData(this.form));
+      return chosen({ ...held, doors, fine: fine.checked, none: none.checked });
+    }
+
+    /* Reports from before the last command are not looked at, unless it only moved a door. */
+    send(message) {
+      if (!message.doors) this.turn = (this.turn ?? 0) + 1;
+      this.worker.postMessage({ ...message, turn: this.turn });
+    }
+
+    /* Begins anew, and goes on running if it was. */
+    begin(first = {}) {
+      const { choice, form } = this, psi = choice.psi.toFixed(2), power = scientific(Number(form.power.value));
+      for (const [name, text] of Object.entries({ ...choice, psi, power })) {
+        if (form[name]?.type !== "range") continue;
+        form[name].nextElementSibling.textContent = text;
+        form[name].setAttribute("aria-valuetext", text);
+      }
+      this.chart.marks.replaceChildren();
+      this.send({ ...first, chosen: choice, rate: 0 });
+      if (this.running) this.go();
+    }
+
+    go() {
+      if (this.iteration >= this.setup.iterations && !this.running) this.begin();
+      this.running = true;
+      this.say("training");
+      this.find(".go").textContent = "Pause";
+      this.send({ rate: Number(this.find("[name=rate]").value), calm: this.calm });
+    }
+
+    onDoor() {
+      if (!this.form.keep.checked) return this.begin();
+      if (this.iteration) this.chart.mark(this.iteration);
+      return this.send({ doors: this.choice.doors });
+    }
+
+    receive(report) {
+      if (report.turn !== this.turn) return;
+      Object.assign(this, { running: report.running, iteration: report.iteration });
+      this.find(".go").textContent = this.running ? "Pause" : "Run";
+      this.plan.show(report);
+      this.chart.show(report);
+      if (report.maps) this.showMaps(report.maps);
+      this.greedy = report.greedy ?? this.greedy;
+      this.showNumbers(report);
+      if (!this.running) this.sayWhere(report);
+    }
+
+    sayWhere({ iteration, learning, arrival }) {
+      const end = iteration >= this.setup.iterations ? "Done" : "Paused", value = learning.transfer.toFixed(2);
+      const goal = arrival ? `the goal was first reached at ${grouped(arrival)}` : "the goal was not reached yet";
+      this.say(iteration ? `${end} at ${grouped(iteration)}: learning return ${value}; ${goal}.` : "Ready.");
+    }
+
+    showNumbers({ iteration, speed, arrival, episodes, learning }) {
+      const facts = { iteration, episodes, arrival: arrival ? `at ${grouped(arrival)}` : "not yet", greedy: this.greedy, speed };
+      for (const [name, value] of Object.entries(facts)) {
+        const text = name === "greedy" ? value.toFixed(2) : typeof value === "number" ? grouped(value) : value;
+        this.find(`.facts .${name}`).textContent = text;
+      }
+      const own = Object.entries(learning).map(([name, y]) => ({ name, label: `${LIVE[name]} ${y.toFixed(2)}` }));
+      this.find(".legend").replaceChildren(...[...own, ...this.setup.references].map((one) => {
+        const entry = document.createElement("li");
+        entry.className = one.name ?? "reference";
+        entry.textContent = one.label;
+        if (one.colour) entry.style.setProperty("--own", one.colour);
+        return entry;
+      }));
+    }
+
+    showMaps({ value, deviation }) {
+      this.paint(this.find(".value"), value, 1);
+      this.paint(this.find(".deviation"), deviation, Math.max(...deviation));
+    }
+
+    paint(part, values, most) {
+      const canvas = part.querySelector("canvas"), context = canvas.getContext("2d"), size = canvas.width;
+      const small = new OffscreenCanvas(CELLS, CELLS), cells = small.getContext("2d");
+      values.forEach((v, i) => {
+        cells.fillStyle = colour(v / most);
+        cells.fillRect(i % CELLS, CELLS - 1 - Math.floor(i / CELLS), 1, 1);
+      });
+      context.setTransform(size / SIDE, 0, 0, size / SIDE, 0, 0);
+      context.drawImage(small, 0, 0, SIDE, SIDE);
+      Object.assign(context, { strokeStyle: "#fff", lineWidth: 0.16 });
+      this.plan.walls.forEach((wall) => context.stroke(new Path2D(wall.getAttribute("d"))));
+      part.querySelector(".most").textContent = most === 1 ? "1" : most.toPrecision(2);
+    }
+  }
+
+  for (const root of document.querySelectorAll(".trainer:not(.ready)")) {
+    root.classList.add("ready");
+    new Panel(root);
+  }
+})();

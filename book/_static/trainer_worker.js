@@ -1,0 +1,270 @@
+/* Trains in a thread of its own. The algorithm is the kernel's (vtlib/native), compiled for the page;
+   here are the prior, what is read off a run, and the messages to and from the panel. */
+"use strict";
+
+const WEIGHTS = 484, ROW = 496, CELLS = 20, GRID = 11, WALLS = 2;
+const PLACES = ["settings", "means", "sources", "precision", "factors", "reached"];
+
+/* Pool of sources (count x 484) from bytes, each source with its own scale. */
+function decodePool(bytes, scales) {
+  return Array.from(scales, (scale, j) =>
+    Float32Array.from(bytes.subarray(j * WEIGHTS, (j + 1) * WEIGHTS), (x) => x * scale));
+}
+
+/* Distinct indices below size, drawn by a seed. Source of the generator: mulberry32. */
+function choose(size, count, seed) {
+  let state = seed;
+  const uniform = () => {
+    state = (state + 0x6d2b79f5) | 0;
+    let x = Math.imul(state ^ (state >>> 15), 1 | state);
+    x = (x + Math.imul(x ^ (x >>> 7), 61 | x)) ^ x;
+    return ((x ^ (x >>> 14)) >>> 0) / 2 ** 32;
+  };
+  const all = Array.from({ length: size }, (_, i) => i);
+  return Array.from({ length: Math.min(count, size) },
+    () => all.splice(Math.floor(uniform() * all.length), 1)[0]);
+}
+
+function meanOf(rows) {
+  return rows[0].map((_, i) => rows.reduce((total, row) => total + row[i], 0) / rows.length);
+}
+
+/* Lower-triangular factor, in rows, of the matrix whose entries entry(i, j) gives. */
+function cholesky(n, entry) {
+  const L = new Float64Array(n * n);
+  for (let i = 0; i < n; i++) {
+    for (let j = 0; j <= i; j++) {
+      let rest = entry(i, j);
+      for (let k = 0; k < j; k++) rest -= L[i * n + k] * L[j * n + k];
+      L[i * n + j] = i === j ? Math.sqrt(rest) : rest / L[j * n + j];
+    }
+  }
+  return L;
+}
+
+/* The Gaussian prior of sources (eqs. 5.5, 5.6): its mean, the rows of W for its precision
+   (I - W W^T) / jitter, and the factor of B B^T + variance I, where a posterior starts. */
+function gaussianPrior(sources, jitter, variance, ddof) {
+  const count = sources.length, freedom = Math.max(1, count - ddof);  // one source has no spread
+  const mean = meanOf(sources.map((w) => Float64Array.from(w)));
+  const B = sources.map((w) => mean.map((m, i) => (w[i] - m) / Math.sqrt(freedom)));
+  const inner = (i, j) => B[i].reduce((total, b, k) => total + b * B[j][k], i === j ? jitter : 0);
+  const R = cholesky(count, inner), W = [];
+  for (let i = 0; i < count; i++) {
+    W.push(B[i].map((b, k) => {
+      for (let j = 0; j < i; j++) b -= R[i * count + j] * W[j][k];
+      return b / R[i * count + i];
+    }));
+  }
+  const covariance = (i, j) => B.reduce((total, b) => total + b[i] * b[j], i === j ? variance : 0);
+  return { mean, W, factor: cholesky(WEIGHTS, covariance) };
+}
+
+/* The radial bases that are not zero at a position, as [index, share]. */
+function features(position) {
+  const axes = position.map((at) => {
+    const bases = Array.from({ length: GRID }, (_, i) => Math.exp(-4.5 * (at - i) ** 2));
+    const total = bases.reduce((a, b) => a + b);
+    return bases.map((b, i) => [i, b / total]).filter(([, share]) => share > 1e-7);
+  });
+  return axes[0].flatMap(([i, x]) => axes[1].map(([j, y]) => [i * GRID + j, x * y]));
+}
+
+/* Variance of a weighted sum of the weights from an index on, under the factor of their covariance. */
+function varianceOf(factor, shares, from) {
+  const along = new Float64Array(WEIGHTS);
+  for (const [i, share] of shares) {
+    const row = from + i, start = row * WEIGHTS;
+    for (let j = 0; j <= row; j++) along[j] += share * factor[start + j];
+  }
+  let total = 0;
+  for (let j = 0; j < WEIGHTS; j++) total += along[j] * along[j];
+  return total;
+}
+
+/* One run in an instance of the kernel. fields: names of the kernel's settings, in its order; base:
+   their values, and the algorithm's name; chosen: {doors, lambda, psi, components, seed}; sources:
+   what is transferred. A learner (family 0) starts from their mean, or from zero. */
+class Run {
+  constructor(module, fields, base, chosen, sources) {
+    this.kernel = new WebAssembly.Instance(module).exports;
+    this.path = [[0, 0]];
+    this.last = [];
+    this.steps = this.arrival = this.episodes = 0;
+    this.base = base;
+    this.settings = { ...base };
+    if (base.family) Object.assign(this.settings, { lambda_: chosen.lambda, psi: chosen.psi });
+    if (base.name === "MGVT") this.settings.components = chosen.components;
+    this.hand(sources);
+    const view = new DataView(this.kernel.memory.buffer), at = this.at("settings");
+    fields.integers.forEach((name, i) => view.setInt32(at + 4 * i, this.settings[name] ?? 0, true));
+    const numbers = at + 4 * fields.integers.length;
+    fields.numbers.forEach((name, i) => view.setFloat32(numbers + 4 * i, this.settings[name] ?? 0, true));
+    this.task = numbers + 4 * fields.numbers.length;
+    this.moveDoors(chosen.doors);
+    this.kernel.begin_run(chosen.seed);
+  }
+
+  floats(name, size, offset = 0) {
+    return new Float32Array(this.kernel.memory.buffer, this.at(name) + 4 * offset, size);
+  }
+
+  at(name) {
+    return this.kernel.place(PLACES.indexOf(name));
+  }
+
+  /* What the run begins with: means, prior and factors. */
+  hand(sources) {
+    const { settings } = this, zero = new Float32Array(WEIGHTS);
+    const rows = (name, list) => list.forEach((row, i) => this.floats(name, WEIGHTS, i * ROW).set(row));
+    if (!this.base.family) return rows("means", [sources.length ? meanOf(sources) : zero]);
+    settings.sources = sources.length;
+    if (this.base.name === "GVT") {
+      const prior = gaussianPrior(sources, 1 / settings.scale, this.base.variance, this.base.ddof);
+      rows("means", [prior.mean]);
+      rows("sources", [prior.mean]);
+      rows("precision", prior.W);
+      return this.floats("factors", WEIGHTS ** 2).set(prior.factor);
+    }
+    const starts = Array.from({ length: settings.components }, (_, c) =>
+      this.base.init === "mean" ? meanOf(sources) : sources[c % sources.length]);
+    rows("means", starts);
+    rows("sources", settings.equal ? [meanOf(sources)] : sources);
+    if (settings.equal) settings.sources = 1;  // only their mean matters
+    const factors = this.floats("factors", starts.length * WEIGHTS ** 2);
+    for (let i = 0; i < factors.length; i++) {
+      if (i % WEIGHTS ** 2 % (WEIGHTS + 1) === 0) factors[i] = Math.sqrt(this.base.variance);
+    }
+  }
+
+  moveDoors(doors) {
+    const task = new Float32Array(this.kernel.memory.buffer, this.task, WALLS + 1);
+    task.set([doors[0], doors[1] ?? 0, doors.length]);
+  }
+
+  advance() {
+    const ended = this.kernel.iterate_run();
+    this.steps++;
+    this.path.push(Array.from(this.floats("reached", 2)));
+    if (ended === 2) this.arrival ||= this.steps;
+    if (!ended) return;
+    this.episodes++;
+    this.last = this.path;
+    this.path = [[0, 0]];
+  }
+
+  /* Value of the posterior's mean, and the standard deviation of the best action's Q-value, in the
+     cells of a grid, lowest row first. */
+  maps() {
+    const { components } = this.settings, C = Array.from({ length: components }, (_, c) => c);
+    C.forEach((c) => this.kernel.unpack(c));
+    const means = C.map((c) => this.floats("means", WEIGHTS, c * ROW));
+    const factors = C.map((c) => this.floats("factors", WEIGHTS ** 2, c * WEIGHTS ** 2));
+    const value = new Float32Array(CELLS ** 2), deviation = new Float32Array(CELLS ** 2);
+    for (let cell = 0; cell < CELLS ** 2; cell++) {
+      const shares = features([cell % CELLS, Math.floor(cell / CELLS)].map((i) => (i + 0.5) / 2));
+      const q = (w, action) => shares.reduce((t, [i, share]) => t + share * w[action * 121 + i], 0);
+      const values = [0, 1, 2, 3].map((a) => means.reduce((t, w) => t + q(w, a), 0) / components);
+      const top = Math.max(...values), best = values.indexOf(top);
+      let variance = 0;
+      for (const c of C) {
+        variance += (varianceOf(factors[c], shares, best * 121) + (q(means[c], best) - top) ** 2) / components;
+      }
+      value[cell] = top;
+      deviation[cell] = Math.sqrt(variance);
+    }
+    return { value, deviation };
+  }
+}
+
+/* The runs that a panel watches, on one task from one seed, in slices of time between its commands:
+   chosen (begin anew with these numbers), doors (of the task from now on), rate (iterations a second;
+   0 to pause), steps (so many, at once). After each, and along the way, it is told where the runs are. */
+class Training {
+  constructor({ wasm, pool, scales, setup }, tell) {
+    Object.assign(this, { setup, tell, rate: 0, looked: 0, told: 0 });
+    this.module = new WebAssembly.Module(wasm);
+    this.pool = decodePool(new Int8Array(pool), scales);
+  }
+
+  command({ chosen, doors, rate, steps, calm }) {
+    if (chosen) {
+      this.chosen = chosen;
+      this.runs = null;  // made when needed: a dragged slider asks for many that nobody waits for
+    }
+    if (doors) {
+      this.chosen = { ...this.chosen, doors };
+      Object.values(this.runs ?? {}).forEach((run) => run.moveDoors(doors));
+    }
+    if (rate !== undefined) Object.assign(this, { rate, calm, owed: 0, before: performance.now() });
+    if (steps) this.advance(steps);
+    this.waiting ??= setTimeout(() => this.tick(), 0);
+  }
+
+  make() {
+    const { chosen, pool, setup } = this;
+    const given = choose(pool.length, chosen.sources, chosen.seed).map((i) => pool[i]);
+    const run = (name, what) => new Run(this.module, setup.fields, setup.settings[name], chosen, what);
+    this.runs = { transfer: run(chosen.family, given) };
+    if (chosen.fine) this.runs.fine = run("fine", given);
+    if (chosen.none) this.runs.none = run("NT", []);
+    this.curves = Object.fromEntries(Object.keys(this.runs).map((name) => [name, [0]]));
+    this.busy = this.done = 0;
+  }
+
+  /* So many iterations, or as many as there are milliseconds for. */
+  advance(count, milliseconds = Infinity) {
+    if (!this.runs) this.make();
+    const { every, iterations } = this.setup, { transfer } = this.runs, start = performance.now();
+    let done = 0;
+    for (; done < count && transfer.steps < iterations && performance.now() - start < milliseconds; done++) {
+      for (const [name, run] of Object.entries(this.runs)) {
+        run.advance();
+        if (run.steps % every === 0) this.curves[name].push(run.kernel.learning());
+      }
+    }
+    this.busy += performance.now() - start;
+    this.done += done;
+    if (transfer.steps >= iterations) this.rate = 0;
+    return done;
+  }
+
+  tick() {
+    const now = performance.now();
+    this.waiting = null;
+    if (!this.runs) this.make();
+    if (this.rate) {
+      this.owed += (this.rate * (now - this.before)) / 1000;
+      this.before = now;
+      this.owed = Math.min(this.owed - this.advance(Math.floor(this.owed), 30), this.rate);
+    }
+    this.report();
+    if (this.rate) this.waiting ??= setTimeout(() => this.tick(), this.rate < 1000 ? 30 : 0);
+  }
+
+  report() {
+    const { transfer } = this.runs, now = performance.now(), running = this.rate > 0;
+    if (running && this.calm && Math.floor(transfer.steps / 500) === this.told) return;
+    this.told = Math.floor(transfer.steps / 500);
+    const look = !running || now - this.looked > 250;
+    if (look) this.looked = now;
+    this.tell({
+      running, iteration: transfer.steps, episodes: transfer.episodes, arrival: transfer.arrival,
+      path: transfer.path, last: transfer.last, curves: this.curves,
+      speed: this.busy ? (1000 * this.done) / this.busy : 0,
+      learning: Object.fromEntries(Object.entries(this.runs).map(([k, r]) => [k, r.kernel.learning()])),
+      ...(look && { maps: transfer.maps(), greedy: transfer.kernel.greedy(10) }),
+    });
+  }
+}
+
+if (typeof module === "undefined") {
+  let training, turn;  // of the last command: a panel need not look at what was reported before it
+  onmessage = ({ data }) => {
+    training ??= new Training(data, (report) => postMessage({ ...report, turn }));
+    turn = data.turn;
+    training.command(data);
+  };
+} else {
+  module.exports = { Run, Training, choose, cholesky, decodePool, features, gaussianPrior };
+}
