@@ -223,7 +223,7 @@ ROOMS_CALIBRATION = evolve(
         "GVT, equations": GVT,
         "1-MGVT, equations": MGVT,
     },
-    iterations=10_000,
+    iterations=INGREDIENT_ITERATIONS,
     every=500,
     probes=500,
 )
