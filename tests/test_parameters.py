@@ -155,21 +155,3 @@ def test_the_page_leaves_no_parameter_out(cells_of: Callable[[str], dict[str, An
     for environment, group, *_ in (key.split() for key in page["OTHERWISE"]):
         assert environment in {"rooms", "cartpole", "mountain-car", "mazes"}
         assert group in {"transfer", "sources", "NT", "DDQN"}
-
-
-@pytest.mark.parametrize(
-    ("value", "text"),
-    [
-        (1e-4, "10⁻⁴"),
-        (1e-3, "10⁻³"),
-        (2e-4, "0.0002"),
-        (0.1, "0.1"),
-        (0.99, "0.99"),
-        (1000.0, "1,000"),
-        (50_000, "50,000"),
-        ("step", "step"),
-        (True, "True"),
-    ],
-)
-def test_values_are_written_for_readers(cells_of, value: object, text: str) -> None:
-    assert cells_of("parameters")["written"](value) == text

@@ -62,14 +62,6 @@ def test_bases_equal_the_naive_formula(centers, variance):
 
 
 @pytest.mark.parametrize(
-    ("sizes", "d"), [((4, 32, 2), 226), ((2, 64, 3), 387), ((22, 32, 32, 3), 1891)]
-)
-def test_networks_count_their_weights(sizes, d):
-    for q in (MLP(sizes), ModuleQ(network(sizes), sizes[-1])):
-        assert (q.d, q.n_actions) == (d, sizes[-1])
-
-
-@pytest.mark.parametrize(
     ("q", "module"),
     [
         *((MLP(sizes), network(sizes)) for sizes in SIZES),
@@ -86,6 +78,7 @@ def test_networks_equal_the_torch_module_of_the_same_flat_weights(q, module):
     cotangent = draw(*values.shape, seed=2)
     gradient = pullback(cotangent)
     assert torch.equal(w, before)
+    assert torch.equal(pullback(cotangent), gradient)
     for r, k in torch.cartesian_prod(torch.arange(2), torch.arange(3)).tolist():
         nn.utils.vector_to_parameters(w[r, k], module.parameters())
         out = module(obs[r])

@@ -114,9 +114,3 @@ def test_the_eigenvalue_is_that_of_the_explicit_matrix(psi):
         both = right[:, top] * left[:, np.abs(others - values[top]).argmin()]
         expected = (np.arange(1, q.d + 1) * both / both.sum()).sum().real
         assert float(length[r]) == pytest.approx(expected, rel=1e-3)
-
-
-@pytest.mark.parametrize("samples", [0, -1, 1.5])
-def test_samples_that_are_no_count_are_refused(samples):
-    with pytest.raises(ValueError, match="samples"):
-        largest_step(torch.tensor([3.0]), samples)

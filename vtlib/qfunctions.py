@@ -159,9 +159,8 @@ def _gradients(matrices: list[Tensor], passed: list[Tensor], delta: Tensor) -> l
     for layer in range(len(matrices) - 1, 0, -1):
         into = passed[layer]
         parts = [torch.bmm(delta, into.transpose(1, 2)), delta.sum(-1), *parts]
-        # the sign of a ReLU's output is its derivative, and far faster than a mask; in place:
-        # nothing reads the hidden layer's values again
-        delta = torch.bmm(matrices[layer].transpose(1, 2), delta).mul_(into.sign_())
+        # the sign of a ReLU's output is its derivative, and far faster than a mask
+        delta = torch.bmm(matrices[layer].transpose(1, 2), delta).mul_(into.sign())
     first = torch.bmm(delta, passed[0].transpose(1, 2))
     return [first[..., :-1], first[..., -1], *parts]
 
@@ -175,8 +174,7 @@ def _shallow_gradients(
     are contractions of sum_b cotangent_ab mask_hb x_ib, and the hidden layer is read once.
     """
     first, second = matrices
-    # in place: nothing reads the hidden layer's values again
-    mask = passed[1].sign_()
+    mask = passed[1].sign()
     outer = (cotangent.unsqueeze(2) * passed[0].unsqueeze(1)).flatten(1, 2)
     shape = (-1, second.shape[1], *first.transpose(1, 2).shape[1:])
     moments = torch.bmm(outer, mask.transpose(1, 2)).view(shape)  # (N, A, in + 1, hidden)

@@ -19,7 +19,6 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from vtlib.checks import check_whole
 from vtlib.qfunctions import QFunction
 from vtlib.replay import Transition
 
@@ -27,11 +26,7 @@ OFF = 1e-6  # relative; so far beside the eigenvalue its eigenvector is looked f
 
 
 def largest_step(length: Tensor, samples: int) -> Tensor:
-    """The bound on alpha eta, for rows of L of a mean length d_eta (R,) and n samples.
-
-    Raises ValueError unless samples is a whole number from 1 on.
-    """
-    check_whole("samples", samples)
+    """The bound on alpha eta, for rows of L of a mean length d_eta (R,) and n samples."""
     return 2 * samples / (length + samples + 1)
 
 

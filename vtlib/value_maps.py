@@ -12,7 +12,6 @@ from matplotlib.colors import Normalize
 from matplotlib.image import AxesImage
 from torch import Tensor
 
-from vtlib.checks import check_kind
 from vtlib.envs.base import Plane, TaskFamily, Tasks
 from vtlib.envs.walks import walks
 from vtlib.plots import BookFigure, image_html, look, small_png
@@ -33,13 +32,6 @@ class ValueMap:
     path: np.ndarray
 
 
-def plane_of(family: TaskFamily) -> Plane:
-    """The plane over which a family's values are mapped; ValueError when it has none."""
-    check_kind("the family's plane", family.plane, Plane)
-    assert family.plane is not None
-    return family.plane
-
-
 def plane_states(plane: Plane, dimensions: int) -> Tensor:
     """States (61 * 61, dimensions) over a plane, row by row, the lowest first."""
     across, up = (torch.linspace(*ends, NODES) for ends in plane.ends)
@@ -53,7 +45,9 @@ def value_map(family: TaskFamily, task: Tasks, mu: Tensor) -> ValueMap:
 
     Raises ValueError when the family has no plane.
     """
-    plane, q = plane_of(family), family.q()
+    if (plane := family.plane) is None:
+        raise ValueError(f"values cannot be mapped: {type(family).__name__} has no plane")
+    q = family.q()
 
     def values(states: Tensor) -> Tensor:
         return q.q(mu.detach(), q.prepare(states.unsqueeze(0)))[0].mean(0)

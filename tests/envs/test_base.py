@@ -86,8 +86,8 @@ def test_select_takes_and_repeats_tasks(family: TaskFamily) -> None:
         assert type(chosen) is type(tasks)
         for name, rows in family.values(tasks).items():
             np.testing.assert_array_equal(getattr(chosen, name), rows[[2, 0, 0]])
-    for bad in ([3], [-4], [0.5], [[0]], [True]):
-        with pytest.raises(ValueError, match="index must"):
+    for bad in ([3], [-4], [0.5], [True]):
+        with pytest.raises(IndexError):
             tasks.select(bad)
 
 

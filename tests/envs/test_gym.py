@@ -186,9 +186,7 @@ def test_pictures(name: str) -> None:
 @pytest.mark.parametrize(
     ("name", "options", "message"),
     [
-        ("Rooms", {"doors": (0.0, 5.0)}, "doors must lie in"),
         ("Rooms", {"doors": ((5.0, 5.0), (5.0, 5.0))}, "doors must have shape"),
-        ("Cartpole", {"cart_mass": 0.0}, "cart_mass must be positive and finite, got 0"),
         ("Cartpole", {"half_length": [1.0, 1.0]}, "half_length must be a number or have shape"),
         ("Maze", {"maze": "north 1"}, "maze must be one of .*, got 'north 1'"),
         *((name, {"horizon": 0}, "horizon must be a whole number from 1") for name in CASES),

@@ -6,7 +6,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from vtlib.envs import Cartpole, Mazes
+from vtlib.envs import Cartpole
 from vtlib.envs.walks import walks
 
 POLES = Cartpole.of(3, cart_mass=1.0, pole_mass=0.1, half_length=[0.3, 0.5, 1.0])
@@ -33,23 +33,3 @@ def test_a_walk_is_no_longer_than_its_noise():
     for steps in (0, 4):
         found = walks(POLES, right, UPRIGHT, torch.zeros(steps, 3, 0))
         assert [path.shape for path in found] == [(steps + 1, 4)] * 3
-
-
-def test_robots_of_one_maze_stay_out_of_its_walls_and_stop_at_the_goal():
-    maze, rng = Mazes.of(["north-east 1"] * 20), np.random.default_rng(0)
-    start = maze.start(torch.from_numpy(rng.random((20, Mazes.start_dim))))
-    noise = torch.from_numpy(rng.standard_normal((Mazes.horizon, 20, Mazes.noise_dim)))
-
-    def towards(states: Tensor) -> Tensor:
-        bearing = torch.atan2(9.5 - states[:, 1], 9.5 - states[:, 0]) - states[:, 2]
-        bearing = torch.remainder(bearing + torch.pi, 2 * torch.pi) - torch.pi
-        return torch.where(bearing.abs() < 0.3, 0, torch.where(bearing > 0, 1, 2))
-
-    found = walks(maze, towards, start, noise)
-    assert sum(len(path) <= Mazes.horizon for path in found) > 10
-    for path, first in zip(found, start.numpy(), strict=True):
-        np.testing.assert_array_equal(path[0], first)
-        cells = path[:, :2].astype(int)
-        assert not maze.walls[0].numpy()[tuple(cells.T)].any()
-        arrived = np.flatnonzero((cells == 9).all(1)).tolist()
-        assert arrived == ([len(path) - 1] if len(path) <= Mazes.horizon else [])

@@ -192,15 +192,6 @@ def test_a_torn_result_is_refused_and_left_as_it_is(stored, capsys, name, how):
     assert {p: p.read_bytes() for p in stored.rglob("*.*")} == before
 
 
-def test_a_pool_that_is_not_finite_is_refused(stored, capsys):
-    weights = store.read(stored / "tiny-pool/sources")[0]["weights"]
-    weights[0, 0] = np.nan
-    rewrite(stored / "tiny-pool/sources", weights=weights)
-    store.remove(stored / "tiny/GVT")
-    line = refused(capsys, "run", "tiny", "--results", stored)
-    assert line == "vtlib: weights of tiny-pool must be finite, got NaN or infinity"
-
-
 def test_a_run_that_diverges_is_one_line_without_a_traceback(small, stored, capfd, monkeypatch):
     wild = evolve(small, algorithms={"NT": evolve(small.algorithms["NT"], alpha=1e38)})
     monkeypatch.setitem(EXPERIMENTS, "tiny", wild)
@@ -216,15 +207,6 @@ def test_results_that_are_no_folder_are_refused(capsys, tmp_path):
     for command in (("run", "tiny", "--results"), ("reproduce", "--only", "tiny", "--fresh")):
         refused(capsys, *command, tmp_path / "results")
     assert (tmp_path / "results").read_text() == "mine"
-
-
-def test_a_finished_run_leaves_no_parts_even_after_a_kill(stored):
-    store.remove(stored / "tiny/NT")
-    litter = stored / schedule.PARTS / "tiny" / ".NT-000-001.npz.k1ll3d"
-    litter.parent.mkdir(parents=True)
-    litter.write_bytes(b"half")
-    assert main("run", "tiny", "--results", stored) == 0
-    assert not (stored / schedule.PARTS).exists()
 
 
 @pytest.mark.parametrize(

@@ -62,8 +62,8 @@ class TaskBatch:
         return state
 
     def select(self, index: Tensor | np.ndarray | Sequence[int]) -> Self:
-        """The tasks at `index`, in that order; an index may repeat. Raises ValueError outside."""
-        rows, batch = _checked_rows(index, len(self)), cast(Any, self)
+        """The tasks at `index`, in that order; an index may repeat. Raises IndexError outside."""
+        rows, batch = torch.as_tensor(index), cast(Any, self)
         return cast(Self, evolve(batch, **{n: getattr(self, n)[rows] for n in self.parameters}))
 
     @classmethod
@@ -214,15 +214,3 @@ def float_array(name: str, value: ArrayLike) -> np.ndarray:
         raise ValueError(f"{name} must be a number or an array of numbers, got {shown(value)}")
     with np.errstate(over="ignore"):  # what becomes infinite is refused by those that ask
         return array.astype(np.float32)
-
-
-def _checked_rows(index: Tensor | np.ndarray | Sequence[int], count: int) -> Tensor:
-    try:
-        rows = torch.as_tensor(index)
-    except (TypeError, ValueError, RuntimeError, OverflowError):
-        raise ValueError(f"index must be a list of integers, got {shown(index)}") from None
-    if rows.ndim != 1 or rows.dtype.is_floating_point or rows.dtype == torch.bool:
-        raise ValueError(f"index must be a list of integers, got {shown(index)}")
-    if len(rows) and not -count <= int(rows.min()) <= int(rows.max()) < count:
-        raise ValueError(f"index must lie in 0..{count - 1}, got {shown(index)}")
-    return rows

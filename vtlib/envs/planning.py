@@ -105,7 +105,7 @@ def plan_without_noise(
 ) -> GridPlan:
     """The plan of one task of a batch, as if it had no noise, over the nodes (N, n) of a grid.
 
-    Raises ValueError when there is no such row.
+    Raises IndexError when there is no such row.
     """
     copies, still = tasks.select([index] * CHUNK), torch.zeros(1, tasks.noise_dim)
     reached, reward, terminated = try_out(copies, nodes, still)

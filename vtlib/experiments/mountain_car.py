@@ -23,8 +23,8 @@ CARS = Pool(
     MountainCarFamily(last_reward=-1.0),
     count=50,
     iterations=SOURCE_ITERATIONS,
-    limit=500_000,
-    check_every=2_000,
+    limit=300_000,
+    check_every=10_000,
     episodes=200,
     settings=DDQNSettings(epsilon_steps=int(0.15 * SOURCE_ITERATIONS), minibatch=32),
 )

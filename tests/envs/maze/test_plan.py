@@ -30,31 +30,16 @@ def steps_at_least(start: Tensor, goal: Tensor) -> Tensor:
     return ((start[:, :2] - nearest).norm(dim=1) / 0.5).ceil()
 
 
-def follow(index: int, choose, noisy: bool = True) -> tuple[Tensor, Tensor]:
-    """Starts (300, 3) and discounted returns (300,) of a policy over states and observations."""
+def follow(index: int, plan: GridPlan) -> tuple[Tensor, Tensor]:
+    """Starts (300, 3) and discounted returns (300,) of a plan's policy without noise."""
     tasks = MAZES.select([index] * EPISODES)
-    rng = torch.Generator().manual_seed(0)
-    start = state = tasks.start(torch.rand(EPISODES, 4, generator=rng))
+    start = state = tasks.start(torch.rand(EPISODES, 4, generator=torch.Generator().manual_seed(0)))
     alive, total = torch.ones(EPISODES), torch.zeros(EPISODES)
     for t in range(100):
-        noise = noisy * torch.randn(EPISODES, 3, generator=rng)
-        state, reward, terminated = tasks.step(state, choose(state, tasks.observe(state)), noise)
+        state, reward, terminated = tasks.step(state, plan.greedy(state), torch.zeros(EPISODES, 3))
         total += 0.99**t * reward * alive
         alive = alive * ~terminated
     return start, total
-
-
-def greedy(plan: GridPlan):
-    return lambda state, _: plan.greedy(state)
-
-
-def by_hand(state: Tensor, seen: Tensor) -> Tensor:
-    """Toward the goal where it is seen, else ahead, or to the side where there is more room."""
-    flags = seen[:, 13:]
-    toward = flags @ torch.arange(-4.0, 5.0)
-    hunt = torch.where(toward.abs() < 1, 0, torch.where(toward > 0, 1, 2))
-    roomier = torch.where(seen[:, 9:13].sum(1) > seen[:, 4:8].sum(1), 1, 2)
-    return torch.where(flags.any(1), hunt, torch.where(seen[:, 8] > 0.7, 0, roomier))
 
 
 @pytest.fixture
@@ -75,21 +60,11 @@ def test_a_goal_straight_ahead_is_worth_its_steps(plans: list[GridPlan]) -> None
 
 @pytest.mark.parametrize("index", [0, 1, 2])
 def test_planned_values_are_what_the_policy_earns_without_noise(plans, index: int) -> None:
-    start, earned = follow(index, greedy(plans[index]), noisy=False)
+    start, earned = follow(index, plans[index])
     expected = plans[index].q(start).amax(1)
     # A step too many is worth 0.01; far away 100 steps may just not do, or just do.
     assert (earned - expected).abs().median() < 0.015
     assert abs(float((earned - expected).mean())) < 0.03
-
-
-@pytest.mark.parametrize("index", [0, 1, 2])
-def test_the_planned_policy_beats_the_others(plans: list[GridPlan], index: int) -> None:
-    planned = follow(index, greedy(plans[index]))[1].mean()
-    rng = torch.Generator().manual_seed(1)
-    chance = follow(index, lambda s, _: torch.randint(3, (len(s),), generator=rng))[1].mean()
-    hand = follow(index, by_hand)[1].mean()
-    assert hand > chance + 0.05
-    assert planned > hand + 0.1
 
 
 def test_no_value_comes_through_a_wall(plans: list[GridPlan]) -> None:

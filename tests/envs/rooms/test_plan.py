@@ -145,13 +145,14 @@ def test_the_model_is_a_probability(monkeypatch: pytest.MonkeyPatch) -> None:
     task = Rooms.from_doors([[2.0, 7.0]])
     grid = Grid.of(task)
     transition, reward = make_model(task.select([0] * CHUNK), grid, gaussian_quadrature(9))
-    mass = transition @ torch.ones(len(grid.nodes))
+    mass = torch.from_numpy(transition @ np.ones(len(grid.nodes), np.float32))
     torch.testing.assert_close(mass + reward, torch.ones_like(mass))
-    assert bool((transition.values() > 0).all())
+    assert (transition.data >= 0).all()
     # Interpolation keeps a linear function, so where nothing blocks the mean moves by the step.
     inner = ((grid.nodes - torch.tensor([5.0, 1.7])).abs() < 0.3).all(1).nonzero()[:, 0]
     assert len(inner) > 0
-    mean_x = (transition @ grid.nodes[:, 0]).view(-1, 4)[inner] - grid.nodes[inner, :1]
+    after = torch.from_numpy(transition @ grid.nodes[:, 0].numpy()).view(-1, 4)
+    mean_x = after[inner] - grid.nodes[inner, :1]
     moved = torch.tensor([1.0, -1.0]).expand(len(inner), 2)
     torch.testing.assert_close(mean_x[:, [1, 3]], moved, atol=1e-4, rtol=0)
 
@@ -159,7 +160,6 @@ def test_the_model_is_a_probability(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_bad_arguments() -> None:
     task = Rooms.from_doors([[5.0]])
     for arguments, message in (
-        ((1,), r"index must lie in 0..0, got"),
         ((0, 0), "sweeps must be a whole number from 1"),
         ((0, 2, 0.0), "kappa must be positive"),
     ):

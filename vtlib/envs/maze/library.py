@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 from attrs import frozen
+from scipy.ndimage import label
 
 from vtlib.checks import check_kind, check_one_of, one_line
 from vtlib.envs.maze.geometry import SIDE
@@ -95,10 +96,7 @@ def _faults(rows: list[str], cells: np.ndarray) -> Iterator[str]:
         yield f"the goal, in row {SIDE - y}, column {x + 1}, is not in a corner"
     if free.sum() == 1:
         yield "there is no free cell to start from"
-    for _ in range(SIDE * SIDE):  # steps to the side: no way has more
-        wide = np.pad(reached, 1)
-        beside = wide[2:, 1:-1] | wide[:-2, 1:-1] | wide[1:-1, 2:] | wide[1:-1, :-2]
-        reached = free & (reached | beside)
-    if (cut_off := np.argwhere(free & ~reached)).size:
+    part, _ = label(free)  # of cells that are connected through their sides
+    if (cut_off := np.argwhere(free & (part != part[x, y]))).size:
         x, y = max(cut_off.tolist(), key=lambda cell: (cell[1], -cell[0]))
         yield f"no way leads to the goal from row {SIDE - y}, column {x + 1}"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -11,22 +10,15 @@ from matplotlib.patches import Circle, Polygon
 from matplotlib.transforms import Affine2D, Transform
 from numpy.typing import ArrayLike
 
-from vtlib.envs.draw import ARROW, BODY, FLAG, FONT, GREY, GROUND, INK, arrow, bare
+from vtlib.envs.draw import BODY, FLAG, GREY, GROUND, INK, bare
 from vtlib.envs.mountain_car.tasks import GOAL, POSITIONS, MountainCar
 
 HILL = 0.45  # the drawn height is HILL sin(3 position), as in Gymnasium
 CAR_LENGTH, CAR_HEIGHT, CAR_WHEEL = 0.16, 0.05, 0.024
-ARROW_PER_SPEED = 200.0  # drawn length of an action's arrow
 
 
-def draw_mountain_car(
-    ax: Axes, tasks: MountainCar, index: int, state: ArrayLike, labels: bool = False
-) -> None:
-    """Draw task `index` in `state` (2,) on `ax`: the hill sin(3 position), the car and the goal.
-
-    With `labels` two arrows show the velocity v that the actions left and right add, of a length
-    proportional to the task's speed, as the thesis' Figure 6.9 does.
-    """
+def draw_mountain_car(ax: Axes, tasks: MountainCar, index: int, state: ArrayLike) -> None:
+    """Draw the `state` (2,) of any task on `ax`: the hill sin(3 position), the car and the goal."""
     position = float(np.asarray(state)[0])
     x = np.linspace(POSITIONS[0] - 0.1, POSITIONS[1] + 0.1, 400)
     ax.fill_between(x, _height(x), -1.4 * HILL, color=GROUND, lw=0, zorder=0)
@@ -40,9 +32,6 @@ def draw_mountain_car(
     slope = math.atan(3 * HILL * math.cos(3 * position))
     place = Affine2D().rotate(slope).translate(position, float(_height(position)))
     _draw_car(ax, place + ax.transData)
-    if labels:
-        _draw_velocities(ax, place, slope, float(tasks.speed[index]))
-        ax.text(GOAL - 0.17, top - 0.05, "goal", ha="right", va="center", fontsize=FONT - 1)
     bare(ax, (POSITIONS[0] - 0.05, POSITIONS[1] + 0.05), (-1.25 * HILL, top + 0.05))
 
 
@@ -57,21 +46,6 @@ def _draw_car(ax: Axes, transform: Transform) -> None:
         wheel = Circle((0.58 * side * half, floor), CAR_WHEEL, color=INK, lw=0)
         wheel.set(transform=transform, zorder=4)
         ax.add_patch(wheel)
-
-
-def _draw_velocities(ax: Axes, place: Affine2D, slope: float, speed: float) -> None:
-    """The velocity of either action; above the car, for the ground would cut arrows beside it."""
-    height, gap, length = 0.26, 0.03, ARROW_PER_SPEED * speed
-    turned: dict[str, Any] = {"rotation": math.degrees(slope), "rotation_mode": "anchor"}
-    for side, action in ((-1, "left"), (1, "right")):
-        start, end = place.transform([(side * gap, height), (side * (gap + length), height)])
-        arrow(ax, start, end)
-        middle = side * (gap + length / 2)
-        above, below = place.transform([(middle, height + 0.07), (middle, height - 0.03)])
-        x, y = above
-        ax.text(x, y, "$v$", color=ARROW, ha="center", va="center", fontsize=FONT)
-        x, y = below
-        ax.text(x, y, action, ha="center", va="top", fontsize=FONT - 2, **turned)
 
 
 def _height(position: float | np.ndarray) -> np.ndarray:

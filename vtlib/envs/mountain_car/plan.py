@@ -15,7 +15,7 @@ STARTS = 200  # evenly spread over the positions where episodes begin
 
 
 def plan_mountain_car(tasks: MountainCar, index: int) -> GridPlan:
-    """Optimal values of one task, without a limit on the steps. Raises ValueError for no row."""
+    """Optimal values of one task, without a limit on the steps. Raises IndexError for no row."""
     axes = [torch.linspace(*ends) for ends in zip(LOW, HIGH, [n + 1 for n in CELLS], strict=True)]
     nodes = torch.cartesian_prod(*axes)
     return plan_without_noise(tasks, index, nodes, _locate, None, TOLERANCE)

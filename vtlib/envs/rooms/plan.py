@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-import warnings
 from statistics import NormalDist
 
+import numpy as np
 import torch
 from attrs import frozen
+from scipy.sparse import csr_array, vstack
 from torch import Tensor
 
 from vtlib.checks import check_whole
@@ -72,7 +73,8 @@ def plan_rooms(
     transition, reward = make_model(copies, grid, noise)
 
     def backup(values: Tensor) -> Tensor:
-        q = (reward + Rooms.gamma * (transition @ values)).view(-1, Rooms.n_actions)
+        onward = torch.from_numpy(transition @ values.numpy())
+        q = (reward + Rooms.gamma * onward).view(-1, Rooms.n_actions)
         return q.amax(1) if kappa is None else mellowmax(q, kappa, 1)
 
     if sweeps is None:
@@ -97,44 +99,22 @@ def gaussian_quadrature(count: int) -> Tensor:
     return torch.cartesian_prod(points, points)
 
 
-def make_model(copies: Rooms, grid: Grid, noise: Tensor) -> tuple[Tensor, Tensor]:
+def make_model(copies: Rooms, grid: Grid, noise: Tensor) -> tuple[csr_array, Tensor]:
     """The task over the grid's nodes: transition (N A, N), sparse, and expected reward (N A,).
 
     Averages `Rooms.step` itself over the noises (K, 2), from every node with every action, action
     fastest. Rows sum to at most one: a step that ends an episode goes nowhere.
     """
-    parts = [_transitions(copies, grid, nodes, noise) for nodes in grid.nodes.split(CHUNK)]
-    counts, columns, values, reward = (torch.cat(part) for part in zip(*parts, strict=True))
-    starts = torch.cat([torch.zeros(1, dtype=torch.int64), counts.cumsum(0)])
-    size = len(counts), len(grid.nodes)
-    with warnings.catch_warnings():
-        # Said by torch once per process of every CSR tensor; only its product with a vector is
-        # used, and the tests hold that against rollouts.
-        warnings.filterwarnings("ignore", message="Sparse CSR tensor support is in beta")
-        transition = torch.sparse_csr_tensor(starts, columns, values, size, check_invariants=False)
-    return transition, reward
-
-
-def _transitions(
-    copies: Rooms, grid: Grid, states: Tensor, noise: Tensor
-) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-    """Rows of some nodes (B, 2): entries per row (B A,), their columns and values; reward (B A,).
-
-    Many noises land among the same nodes. They are added up in the stretch of nodes after the first
-    one that a row reaches, which is far cheaper than sorting all entries.
-    """
-    reached, reward, terminated = try_out(copies, states, noise)
-    index, weight = grid.locate(reached)
-    rows = len(states) * Rooms.n_actions
-    weight = (weight * ~terminated.unsqueeze(1) / len(noise)).view(rows, -1)
-    index = index.view(rows, -1)
-    first = index.amin(1, keepdim=True)
-    offset = index - first
-    stretch = torch.zeros(rows, int(offset.max()) + 1).scatter_add_(1, offset, weight)
-    row, slot = stretch.nonzero(as_tuple=True)
-    return (
-        torch.bincount(row, minlength=rows),
-        first[row, 0] + slot,
-        stretch[row, slot],
-        reward.view(rows, -1).mean(1),
-    )
+    parts, rewards = [], []
+    for nodes in grid.nodes.split(CHUNK):
+        reached, reward, terminated = try_out(copies, nodes, noise)
+        index, weight = grid.locate(reached)
+        weight = weight * ~terminated.unsqueeze(1) / len(noise)
+        rewards.append(reward.view(-1, len(noise)).mean(1))
+        # Many noises land among the same nodes.
+        starts = np.arange(len(rewards[-1]) + 1) * (index.shape[1] * len(noise))
+        entries = weight.flatten().numpy(), index.flatten().numpy(), starts
+        part = csr_array(entries, shape=(len(starts) - 1, len(grid.nodes)))
+        part.sum_duplicates()
+        parts.append(part)
+    return vstack(parts, "csr"), torch.cat(rewards)

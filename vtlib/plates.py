@@ -12,7 +12,7 @@ from matplotlib.patches import Circle, FancyBboxPatch, Rectangle
 from vtlib.plots import BookFigure
 
 RADIUS, SIDE = 0.4, 0.56  # of a circle, of a square
-MARGIN, GAP, ABOVE = 0.12, 0.5, 0.5  # around a diagram, between two, for a title
+MARGIN = 0.12  # around the drawing
 INCHES = 0.85  # per unit
 INK = "#222"
 
@@ -29,14 +29,13 @@ class Plate(NamedTuple):
 
 
 class Diagram(NamedTuple):
-    """Centres of the quantities by label, arrows from one label to another, plates, and a title."""
+    """Centres of the quantities by label, arrows from one label to another, and plates."""
 
     fixed: Mapping[str, Point]
     latent: Mapping[str, Point]
     observed: Mapping[str, Point]
     arrows: Sequence[tuple[str, str]]
     plates: Sequence[Plate]
-    title: str = ""
 
 
 def draw(ax: Axes, diagram: Diagram) -> None:
@@ -62,22 +61,13 @@ def draw(ax: Axes, diagram: Diagram) -> None:
 
 
 def plates_figure(*diagrams: Diagram) -> Figure:
-    """Diagrams side by side, on one scale, each under its title."""
+    """Diagrams in one drawing, on one scale."""
     figure = BookFigure()
-    axes = [figure.add_axes((0, 0, 1, 1), label=str(i)) for i in range(len(diagrams))]
-    for ax, diagram in zip(axes, diagrams, strict=True):
+    ax = figure.add_axes((0, 0, 1, 1))
+    ax.set_axis_off()
+    for diagram in diagrams:
         draw(ax, diagram)
-        ax.set_axis_off()
-    boxes = [ax.dataLim.padded(MARGIN) for ax in axes]
-    low, high = min(box.y0 for box in boxes), max(box.y1 for box in boxes)
-    top = high + ABOVE * any(diagram.title for diagram in diagrams)
-    across = sum(box.width for box in boxes) + GAP * (len(boxes) - 1)
-    figure.set_size_inches(INCHES * across, INCHES * (top - low))
-    left = 0.0
-    for ax, box, diagram in zip(axes, boxes, diagrams, strict=True):
-        ax.set_position((left / across, 0, box.width / across, 1))
-        ax.set(xlim=(box.x0, box.x1), ylim=(low, top))
-        if diagram.title:
-            ax.text(box.x0 + MARGIN, high + MARGIN, diagram.title, fontsize=13)
-        left += box.width + GAP
+    box = ax.dataLim.padded(MARGIN)
+    ax.set(xlim=box.intervalx, ylim=box.intervaly)
+    figure.set_size_inches(INCHES * box.width, INCHES * box.height)
     return figure

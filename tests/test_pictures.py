@@ -16,8 +16,8 @@ IMAGE = re.compile(r'<img alt="([^"]+)".* src="data:image/png;base64,([^"]+)">')
 
 
 @pytest.mark.parametrize(("name", "figure"), MOVING)
-def test_a_slider_changes_the_picture_and_the_text_that_names_it(page, name: str, figure: str):
-    axes, draw = page(name)[f"fig-{figure}"]
+def test_a_slider_changes_the_picture_and_the_text_that_names_it(cells_of, name: str, figure: str):
+    axes, draw = cells_of(name)[f"fig-{figure}"]
     ends = [[axis.options[0][1], axis.options[-1][1]] for axis in axes]
     seen = {}
     for values in itertools.product(*ends):

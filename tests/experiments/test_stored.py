@@ -1,0 +1,168 @@
+"""What a stored result says of itself: its configuration, and the data set that it becomes."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from attrs import evolve, field, frozen
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from vtlib.experiments import store
+from vtlib.transfer import Settings
+
+PROPERTY = settings(deadline=None, derandomize=True, max_examples=60)
+
+
+def saved(owner, label, root, arrays=None, **note):
+    config = {"config": store.config_of(owner, label), "seconds": 1.0, **note}
+    count = getattr(owner, "runs", owner.count if hasattr(owner, "count") else 0)
+    store.save(store.path_of(owner, label, root), arrays or {"run": np.arange(count)}, config)
+
+
+def test_a_configuration_is_written_out_and_holds_what_the_result_depends_on(tiny):
+    runs = store.config_of(evolve(tiny, counts={"GVT": 1}, excluded=(2,)), "GVT")
+    assert (runs["sources"], runs["excluded"], runs["pool"]) == (1, [2], "tiny-pool")
+    assert runs["algorithm"]["minibatch"] == 5
+    assert runs["algorithm"]["patience"] == 0
+    tasks = store.config_of(tiny, "tasks")
+    assert tasks.keys() == set(runs) - {"algorithm", "iterations", "every", "visits", "probes"}
+    pool = store.config_of(tiny.pool, "sources")
+    assert (pool["stream"], pool["settings"]["epsilon_steps"]) == ("tiny-pool", 100)
+    json.dumps([runs, tasks, pool])
+
+
+@pytest.mark.parametrize(
+    ("changes", "named"),
+    [
+        ({"iterations": 240}, "iterations"),
+        ({"stream": "other"}, "stream"),
+        ({"sources": 1}, "sources"),
+        ({"counts": {"GVT": 1}}, "sources"),
+        ({"runs_per_task": 3}, "runs_per_task"),
+        ({"visits": True}, "visits"),
+        ({"algorithms": {"GVT": Settings("gaussian", minibatch=5)}}, "algorithm.n_samples"),
+    ],
+)
+def test_a_result_of_another_configuration_is_refused(tiny, tmp_path, changes, named):
+    saved(tiny, "GVT", tmp_path)
+    store.stored(tiny, "GVT", tmp_path)
+    with pytest.raises(store.TornResult, match=f"another configuration, which differs in {named}:"):
+        store.stored(evolve(tiny, **changes), "GVT", tmp_path)
+
+
+def config_without(config: dict[str, Any], path: str) -> dict[str, Any]:
+    """A configuration without one of its keys, which may lie deeper."""
+    first, _, rest = path.partition(".")
+    if rest:
+        return {**config, first: config_without(config[first], rest)}
+    return {key: value for key, value in config.items() if key != path}
+
+
+def test_a_key_that_is_missing_has_its_default_and_is_refused_where_that_is_not_the_value(tiny):
+    whole = store.config_of(tiny, "GVT")
+    for key in ("visits", "excluded", "stream", "algorithm.patience"):
+        note = {"config": config_without(whole, key), "seconds": 1.0}
+        store.check_note(Path("x"), note, tiny, "GVT")
+    for key in ("every", "sources", "pool", "family", "algorithm", "algorithm.minibatch"):
+        note = {"config": config_without(whole, key), "seconds": 1.0}
+        with pytest.raises(store.TornResult, match=f"differs in {key}:"):
+            store.check_note(Path("x"), note, tiny, "GVT")
+
+
+@pytest.mark.parametrize("at", ["", "algorithm"])
+def test_a_key_that_nobody_knows_is_refused(tiny, tmp_path, at):
+    config = store.config_of(tiny, "GVT")
+    (config[at] if at else config)["a\nb"] = 1
+    saved(tiny, "GVT", tmp_path, config=config)
+    with pytest.raises(store.TornResult, match=r"differs in .*'a\\+nb'") as caught:
+        store.stored(tiny, "GVT", tmp_path)
+    assert len(str(caught.value).splitlines()) == 1
+
+
+@PROPERTY
+@given(
+    st.recursive(
+        st.none() | st.booleans() | st.integers() | st.text(max_size=5),
+        lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=5), inner),
+        max_leaves=5,
+    ).filter(lambda value: value != 3)
+)
+def test_whatever_stands_for_a_configuration_is_one_line(tiny, value):
+    for config in (value, {"algorithm": value}, {**store.config_of(tiny, "GVT"), "runs": value}):
+        with pytest.raises(store.TornResult) as caught:
+            store.check_note(Path("x"), {"config": config, "seconds": 1.0}, tiny, "GVT")
+        assert len(str(caught.value).splitlines()) == 1
+
+
+def test_a_provenance_without_seconds_is_refused(tiny, tmp_path):
+    saved(tiny, "GVT", tmp_path, seconds="1")
+    with pytest.raises(store.TornResult, match="does not tell its seconds"):
+        store.stored(tiny, "GVT", tmp_path)
+
+
+def test_settings_of_ones_own_are_stored_like_any_other(tiny, tmp_path):
+    @frozen
+    class Mine(Settings):
+        alpha_2: float = field(default=0.5)
+
+    mine = evolve(tiny, algorithms={"GVT": Mine("gaussian", alpha_2=0.25)})
+    saved(mine, "GVT", tmp_path)
+    store.stored(mine, "GVT", tmp_path)
+    with pytest.raises(store.TornResult, match=r"algorithm\.'alpha_2'"):
+        store.stored(evolve(mine, algorithms={"GVT": Settings("gaussian")}), "GVT", tmp_path)
+
+
+# --- data sets -----------------------------------------------------------------------------------
+
+
+def test_runs_are_loaded_with_the_names_of_their_axes(tiny, tmp_path):
+    runs = {
+        "run": np.arange(3),
+        "iterations": np.array([20, 40]),
+        "learning": np.arange(6.0).reshape(3, 2),
+        "fingerprints": np.zeros((3, 3, 4)),
+        "inside": np.zeros((3, 2, 5)),
+    }
+    saved(tiny, "GVT", tmp_path, runs)
+    saved(tiny, "tasks", tmp_path, {"optimum": np.array([0.5, 0.6, 0.7]), "doors": np.ones((3, 2))})
+    found = store.returns(tiny, "GVT", tmp_path)
+    assert found.learning.dims == ("run", "iteration")
+    assert found.fingerprints.dims == ("run", "fingerprints_1", "fingerprints_2")
+    assert found.inside.dims == ("run", "iteration", "inside_2")
+    assert float(found.learning.sel(run=2, iteration=40)) == 5
+    assert found.optimum.sel(run=1) == 0.6
+    assert found.attrs["config"]["every"] == 20
+    assert store.load(tiny, "tasks", tmp_path).doors.dims == ("run", "doors_1")
+
+
+def test_sources_are_loaded_with_their_places_in_the_pool(tiny, weights, tmp_path):
+    arrays = {"index": np.arange(3), "weights": weights[:3], "iterations": np.array([5, 6, 7])}
+    saved(tiny.pool, "sources", tmp_path, arrays)
+    found = store.load(tiny.pool, "sources", tmp_path)
+    assert found.weights.dims == ("source", "weights_1")
+    assert found.iterations.sel(source=2) == 7
+    np.testing.assert_array_equal(store.weights(tiny.pool, tmp_path), weights[:3])
+
+
+@pytest.mark.parametrize("wrong", [np.zeros(0), np.float64(0), np.zeros((4, 2))])
+def test_runs_of_another_number_are_torn(tiny, tmp_path, wrong):
+    saved(tiny, "GVT", tmp_path, {"run": np.arange(3), "learning": wrong})
+    with pytest.raises(store.TornResult, match="GVT does not hold 3 learning"):
+        store.load(tiny, "GVT", tmp_path)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [None, np.zeros((3, 226)), np.zeros((2, 226), "f4"), np.full((3, 226), np.nan, "f4")],
+    ids=["missing", "float64", "count", "nan"],
+)
+def test_weights_of_another_shape_are_refused(tiny, tmp_path, wrong):
+    arrays = {"index": np.arange(3)} | ({} if wrong is None else {"weights": wrong})
+    saved(tiny.pool, "sources", tmp_path, arrays)
+    with pytest.raises(ValueError, match="weights of tiny-pool must"):
+        store.weights(tiny.pool, tmp_path)

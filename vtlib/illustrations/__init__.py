@@ -1,1 +1,0 @@
-"""Small computations behind the moving formulas of the text."""
