@@ -9,7 +9,6 @@ import pytest
 from vtlib.experiments.cartpole import (
     CARTPOLE,
     CARTPOLE_LATE,
-    CARTPOLE_OTHER_SOURCES,
     CARTPOLE_SLIDERS,
 )
 from vtlib.experiments.experiment import Experiment
@@ -27,7 +26,6 @@ from vtlib.experiments.rooms import (
 BOOK = Path(__file__).resolve().parent.parent / "book"
 WORDS = {1: "one", 5: "five", 10: "ten", 20: "twenty", 50: "fifty"}
 MAZE = MAZE_TARGETS["north-east"]
-OTHER = CARTPOLE_OTHER_SOURCES["ddqn-common"]
 NT = ROOMS_EVALUATION.algorithms["NT"]
 
 
@@ -39,15 +37,15 @@ def sliders(experiment: Experiment) -> str:
 
 TYPED = [
     ("cartpole", sliders(CARTPOLE_SLIDERS)),
-    ("cartpole", f"over {CARTPOLE.iterations:,} iterations"),
-    ("cartpole", f"against {CARTPOLE.iterations:,} iterations"),
-    ("cartpole", f"runs, {OTHER.iterations:,} iterations"),
-    ("cartpole", f"The first {WORDS[CARTPOLE_LATE.runs]} runs of the figure were computed again"),
-    ("cartpole", f"means over {WORDS[CARTPOLE_LATE.runs]} runs and 95%"),
-    ("cartpole", f"left, {WORDS[2 * CARTPOLE_LATE.runs]} lines that climb"),
+    ("cartpole", f"over {CARTPOLE.published.iterations:,} iterations"),
+    ("cartpole", f"against {CARTPOLE.published.iterations:,} iterations"),
+    ("cartpole", f"return at {CARTPOLE.published.iterations:,} iterations"),
+    ("stability", f"The first {WORDS[CARTPOLE_LATE.runs]} runs by the equations were computed"),
+    ("stability", f"means over {WORDS[CARTPOLE_LATE.runs]} runs and 95%"),
+    ("stability", f"{WORDS[2 * CARTPOLE_LATE.runs]} lines of steps"),
     ("mountain_car", sliders(CAR_SLIDERS)),
-    ("mountain_car", f"over {CAR.iterations:,} iterations"),
-    ("mountain_car", f"over the {WORDS[CAR.runs]} targets"),
+    ("mountain_car", f"over {CAR.published.iterations:,} iterations"),
+    ("mountain_car", f"over the {WORDS[CAR.published.runs]} targets"),
     ("rooms_evaluation", sliders(ROOMS_SLIDERS)),
     ("rooms_evaluation", f"against {ROOMS_EVALUATION.iterations:,} iterations"),
     ("rooms_evaluation", f"for these {WORDS[ROOMS_EVALUATION.runs]} tasks"),
