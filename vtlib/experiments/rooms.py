@@ -223,7 +223,7 @@ ROOMS_CALIBRATION = evolve(
         "GVT, equations": GVT,
         "1-MGVT, equations": MGVT,
     },
-    iterations=INGREDIENT_ITERATIONS,
+    iterations=10_000,
     every=500,
     probes=500,
 )
