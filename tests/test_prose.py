@@ -8,27 +8,28 @@ import pytest
 
 from vtlib.experiments.cartpole import (
     CARTPOLE,
-    CARTPOLE_LATE,
-    CARTPOLE_OTHER_SOURCES,
     CARTPOLE_SLIDERS,
 )
 from vtlib.experiments.experiment import Experiment
 from vtlib.experiments.maze import CORNERS, MAZE_TARGETS, MAZES
 from vtlib.experiments.mountain_car import CAR, CAR_SLIDERS
 from vtlib.experiments.rooms import (
+    PUBLISHED_GVT,
+    PUBLISHED_MGVT,
     ROOMS_CHANGE,
-    ROOMS_CHANGE_SLIDERS,
     ROOMS_EVALUATION,
+    ROOMS_EXPLORATION,
     ROOMS_LIKELIHOOD,
-    ROOMS_LIKELIHOOD_SLIDERS,
-    ROOMS_SLIDERS,
+    ROOMS_SOURCES,
 )
 
 BOOK = Path(__file__).resolve().parent.parent / "book"
 WORDS = {1: "one", 5: "five", 10: "ten", 20: "twenty", 50: "fifty"}
 MAZE = MAZE_TARGETS["north-east"]
-OTHER = CARTPOLE_OTHER_SOURCES["ddqn-common"]
-NT = ROOMS_EVALUATION.algorithms["NT"]
+EVALUATION, CHANGE = ROOMS_EVALUATION.published, ROOMS_CHANGE.published
+TIGHT = PUBLISHED_GVT.lambda_ / PUBLISHED_GVT.jitter
+LOOSE = PUBLISHED_MGVT.lambda_ / PUBLISHED_MGVT.sigma_p2
+LIKELIHOOD, EXPLORATION = ROOMS_LIKELIHOOD.published, ROOMS_EXPLORATION.published
 
 
 def sliders(experiment: Experiment) -> str:
@@ -39,37 +40,27 @@ def sliders(experiment: Experiment) -> str:
 
 TYPED = [
     ("cartpole", sliders(CARTPOLE_SLIDERS)),
-    ("cartpole", f"over {CARTPOLE.iterations:,} iterations"),
-    ("cartpole", f"against {CARTPOLE.iterations:,} iterations"),
-    ("cartpole", f"runs, {OTHER.iterations:,} iterations"),
-    ("cartpole", f"The first {WORDS[CARTPOLE_LATE.runs]} runs of the figure were computed again"),
-    ("cartpole", f"means over {WORDS[CARTPOLE_LATE.runs]} runs and 95%"),
-    ("cartpole", f"left, {WORDS[2 * CARTPOLE_LATE.runs]} lines that climb"),
+    ("cartpole", f"over {CARTPOLE.published.iterations:,} iterations"),
+    ("cartpole", f"against {CARTPOLE.published.iterations:,} iterations"),
+    ("cartpole", f"return at {CARTPOLE.published.iterations:,} iterations"),
     ("mountain_car", sliders(CAR_SLIDERS)),
     ("mountain_car", f"over {CAR.iterations:,} iterations"),
     ("mountain_car", f"over the {WORDS[CAR.runs]} targets"),
-    ("rooms_evaluation", sliders(ROOMS_SLIDERS)),
-    ("rooms_evaluation", f"against {ROOMS_EVALUATION.iterations:,} iterations"),
-    ("rooms_evaluation", f"for these {WORDS[ROOMS_EVALUATION.runs]} tasks"),
+    ("rooms_evaluation", f"against {EVALUATION.iterations:,} iterations"),
+    ("rooms_evaluation", f"for these {WORDS[EVALUATION.runs]} tasks"),
     (
         "rooms_evaluation",
-        f"The {WORDS[ROOMS_EVALUATION.pool.count]} sources were trained by mellow TD from uniform "
-        f"starts, for {ROOMS_EVALUATION.pool.iterations:,} iterations",
+        f"The {WORDS[EVALUATION.pool.count]} sources were trained by mellow TD from uniform "
+        f"starts, for {EVALUATION.pool.iterations:,} iterations",
     ),
-    (
-        "rooms_evaluation",
-        f"over the first {NT.epsilon_steps:,} of the {ROOMS_EVALUATION.iterations:,} iterations",
-    ),
-    ("rooms_distribution_change", sliders(ROOMS_CHANGE_SLIDERS)),
-    ("rooms_distribution_change", f"against {ROOMS_CHANGE.iterations:,} iterations"),
-    ("rooms_distribution_change", f"each with {WORDS[ROOMS_CHANGE.runs]} points"),
-    (
-        "rooms_likelihood",
-        f"shows {WORDS[ROOMS_LIKELIHOOD_SLIDERS.runs_per_task]} run of each of the "
-        f"{WORDS[ROOMS_LIKELIHOOD_SLIDERS.runs]} tasks, for "
-        f"{ROOMS_LIKELIHOOD_SLIDERS.iterations:,} iterations",
-    ),
-    ("rooms_likelihood", f"learned in {WORDS[ROOMS_LIKELIHOOD.runs_per_task]} runs with sources"),
+    ("rooms_distribution_change", f"against {CHANGE.iterations:,} iterations"),
+    ("rooms_distribution_change", f"each with {WORDS[CHANGE.runs]} points"),
+    ("rooms_distribution_change", f"$\\lambda = 10^{{-3}}$: a factor of {TIGHT:g}."),
+    ("rooms_distribution_change", f"$\\lambda = 10^{{-6}}$: a factor of {LOOSE:g}."),
+    ("rooms_likelihood", f"learned in {WORDS[LIKELIHOOD.runs_per_task]} runs with sources"),
+    ("rooms_likelihood", f"all their {LIKELIHOOD.iterations:,} steps"),
+    ("rooms_exploration", f"lasts only {EXPLORATION.iterations:,} iterations"),
+    ("rooms_number_of_sources", f"and after {ROOMS_SOURCES.published.iterations:,}, below"),
     (
         "mazes",
         f"The {WORDS[MAZES.count]} mazes, {WORDS[MAZES.count // len(CORNERS)]} for each corner",

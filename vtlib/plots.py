@@ -124,7 +124,9 @@ def learning_figure(
         ax.set_ylim(*limits)
     axes[0].set_ylabel("discounted return")
     handles, labels = axes[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=min(5, len(labels)))
+    figure.legend(
+        handles, labels, loc="outside lower center", ncols=len(labels) if len(labels) < 6 else 3
+    )
     if title:
         figure.suptitle(title, x=0.01, ha="left", fontsize=10)
     return figure

@@ -290,8 +290,9 @@ def rooms_number_of_sources() -> list[Claim]:
         for t in SOURCES_AT:
             claims.append(
                 Claim(
-                    f"From two sources GVT earns little more than half of what {other} does.",
-                    f"GVT by {other} at {t:,} iterations",
+                    f"At {t:,} iterations GVT from two sources earns little more than half of "
+                    f"what {other} does.",
+                    f"GVT by {other}",
                     found(Runs.ratio, other, FEW, t),
                     ratio(seen("GVT", FEW, t), seen(other, FEW, t)),
                     low=0.4,
