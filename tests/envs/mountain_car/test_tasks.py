@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import gymnasium
 import numpy as np
+import pytest
 import torch
+from attrs import evolve
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from torch import Tensor
@@ -12,6 +14,7 @@ from torch import Tensor
 from vtlib.envs import MountainCar, MountainCarFamily
 
 STANDARD = 0.001
+SPEEDS = torch.full((3,), STANDARD)
 # What float32 may add to a state of at most 1.2.
 ROUNDING = 1e-6
 
@@ -37,12 +40,12 @@ def none(count: int) -> Tensor:
     return torch.zeros(count, 0)
 
 
-@given(seeds, st.booleans())
+@given(seeds, st.booleans(), st.sampled_from([0.0, -0.25, -1.0]))
 @settings(max_examples=12, deadline=None)
-def test_a_transition_is_gymnasiums(seed: int, standard: bool) -> None:
+def test_a_transition_is_gymnasiums(seed: int, standard: bool, last: float) -> None:
     count = 40
-    family = MountainCarFamily().sample(np.random.default_rng(seed), count)
-    tasks = MountainCar.of(count, speed=STANDARD) if standard else family
+    family = MountainCarFamily(last_reward=last).sample(np.random.default_rng(seed), count)
+    tasks = evolve(family, speed=torch.full((count,), STANDARD)) if standard else family
     state, action = scene(seed, count), actions(seed, count)
     reached, reward, terminated = tasks.step(state, action, none(count))
     env = gymnasium.make("MountainCar-v0").unwrapped
@@ -55,7 +58,7 @@ def test_a_transition_is_gymnasiums(seed: int, standard: bool) -> None:
             np.testing.assert_allclose(reached[row], expected, rtol=0, atol=ROUNDING)
         if abs(expected[0] - 0.5) > ROUNDING:
             assert bool(terminated[row]) == ends
-        assert reward[row] == (0 if terminated[row] else -1)
+        assert reward[row] == (last if terminated[row] else -1)
 
 
 def test_reaching_the_goal_is_the_one_step_without_a_cost() -> None:
@@ -67,6 +70,23 @@ def test_reaching_the_goal_is_the_one_step_without_a_cost() -> None:
     # Not minus zero: a stored reward would print as such.
     assert not torch.signbit(reward[0])
     assert reached[0, 1] > 0
+
+
+@pytest.mark.parametrize("last", [0.5, -1.5, float("nan"), None, True])
+def test_a_last_reward_that_would_not_be_a_cost_of_one_step_is_refused(last: object) -> None:
+    for make in (MountainCarFamily, lambda last_reward: MountainCar(SPEEDS, last_reward)):
+        with pytest.raises(ValueError, match=r"last_reward must lie in \[-1, 0\], got"):
+            make(last_reward=last)  # type: ignore[operator]
+
+
+def test_the_last_reward_is_told_to_the_kernel_and_only_alike_ones_join() -> None:
+    family = MountainCarFamily(last_reward=-1.0)
+    tasks = family.draw_tasks("t", [0, 1])
+    expected = [[float(speed), -1.0] for speed in tasks.speed]
+    assert [family.kernel_parameters(tasks, row) for row in (0, 1)] == expected
+    assert torch.equal(tasks.speed, MountainCarFamily().draw_tasks("t", [0, 1]).speed)
+    with pytest.raises(ValueError, match="must have the same last_reward"):
+        family.join([tasks, MountainCarFamily().draw_tasks("t", [0])])
 
 
 def test_starts_are_at_rest_left_of_zero() -> None:
