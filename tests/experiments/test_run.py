@@ -112,8 +112,8 @@ def pushing(action: int, sure: float) -> np.ndarray:
 
 def test_the_greedy_return_of_a_mixture_is_of_its_mean_or_of_each_component(tiny):
     # one component falls to the left, the other to the right, and so does their mean
-    pool, short = np.stack([pushing(0, 1.0), pushing(1, 2.0), pushing(0, 1.5)]), {"iterations": 20}
-    either = [evolve(tiny, each=each, sources=2, **short) for each in (False, True)]
+    pool, pair = np.stack([pushing(0, 1.0), pushing(1, 2.0)]), evolve(tiny.pool, count=2)
+    either = [evolve(tiny, each=each, pool=pair, iterations=20) for each in (False, True)]
     mean, each = (run_batch(one, "2-MGVT", [0, 2], pool) for one in either)
     for key in mean:
         assert np.array_equal(mean[key], each[key]) == (key != "greedy"), key

@@ -273,13 +273,11 @@ def rooms_number_of_sources() -> list[Claim]:
         return Interval(row["mean"], row["low"], row["high"])
 
     def found(measure: Measure, other: str, count: int, t: int) -> dict[str, Interval]:
-        pairs = {
-            protocol: (
-                Runs(returns(experiment, rooms.count_name(x, count))) for x in ("GVT", other)
-            )
-            for protocol, experiment in rooms.ROOMS_SOURCES._asdict().items()
-        }
-        return {protocol: measure(*pair, t) for protocol, pair in pairs.items()}
+        found = {}
+        for protocol, experiment in rooms.ROOMS_SOURCES._asdict().items():
+            a, b = (Runs(returns(experiment, rooms.count_name(x, count))) for x in ("GVT", other))
+            found[protocol] = measure(a, b, t)
+        return found
 
     def ratio(a: Interval, b: Interval) -> Interval:
         value = a.centre / b.centre
