@@ -18,7 +18,7 @@ ALL = [(experiment, label) for experiment, old in bench.PUBLISHED for label in o
 @pytest.mark.parametrize("n_samples", [1, 10])
 def test_the_bound_is_the_flops_of_one_update_at_that_rate(components, n_samples):
     settings = evolve(MGVT, components=components, n_samples=n_samples, minibatch=50)
-    experiment = evolve(ROOMS_EVALUATION, algorithms={"one": settings})
+    experiment = evolve(ROOMS_EVALUATION.published, algorithms={"one": settings})
     factor = 2 * 484**2 * (n_samples + 1 / 2)
     network = 2 * 2 * 484 * (50 + 50) * n_samples
     ms = components * (factor + network) / 1e9 * 1000
@@ -27,7 +27,7 @@ def test_the_bound_is_the_flops_of_one_update_at_that_rate(components, n_samples
 
 
 def test_without_a_posterior_the_bound_is_four_passes_through_the_network():
-    assert bench.bound(CAR, "DDQN", 1e9) == pytest.approx(4 * 2 * 387 * 32 / 1e6)
+    assert bench.bound(CAR.published, "DDQN", 1e9) == pytest.approx(4 * 2 * 387 * 32 / 1e6)
 
 
 def test_the_rate_counts_two_operations_for_each_product(monkeypatch):

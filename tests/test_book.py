@@ -14,10 +14,11 @@ from urllib.parse import unquote, urldefrag, urlsplit
 import pytest
 from bs4 import BeautifulSoup
 
-from vtlib.experiments.cartpole import CARTPOLE_MGVT
+from vtlib.experiments.cartpole import MGVT as CARTPOLE_MGVT
 from vtlib.experiments.experiment import COMPONENTS, PSIS, slider_lambdas
 from vtlib.experiments.maze import MAZE_COMPONENTS, MAZE_LAMBDAS, MAZE_MGVT, MAZE_PSIS
-from vtlib.experiments.mountain_car import CAR_LAMBDAS, CAR_MGVT
+from vtlib.experiments.mountain_car import CAR_LAMBDAS
+from vtlib.experiments.mountain_car import MGVT as CAR_MGVT
 from vtlib.experiments.rooms import MGVT
 from vtlib.transfer import Settings
 
@@ -282,8 +283,6 @@ ROOMS = panels_of(MGVT, slider_lambdas(MGVT), 1)
 SETTINGS = {
     "mazes": (MAZE_MGVT, MAZE_LAMBDAS, 2, MAZE_PSIS, MAZE_COMPONENTS),
     "rooms_evaluation": ROOMS,
-    "rooms_distribution_change": ROOMS,
-    "rooms_likelihood": ROOMS,
     "cartpole": panels_of(CARTPOLE_MGVT, slider_lambdas(CARTPOLE_MGVT), 2),
     "mountain_car": panels_of(CAR_MGVT, CAR_LAMBDAS, 2),
 }

@@ -193,19 +193,19 @@ from attrs import evolve
 import adam
 import low_rank
 from vtlib.experiments import returns, store
-from vtlib.experiments.cartpole import CARTPOLE, CARTPOLE_GVT, CARTPOLE_MGVT, CARTPOLES
+from vtlib.experiments.cartpole import CARTPOLE, CARTPOLES, GVT, MGVT
 from vtlib.experiments.check import verify
 from vtlib.experiments.schedule import complete
 
 MINE = evolve(
-    CARTPOLE,
+    CARTPOLE.published,
     name="mine",
     algorithms={
         f"{label}-{name}": evolve(base, covariance=name)
         for name in ("low-rank", "adam")
         for label, base in (
-            ("GVT", CARTPOLE_GVT),
-            ("2-MGVT", evolve(CARTPOLE_MGVT, components=2)),
+            ("GVT", GVT),
+            ("2-MGVT", evolve(MGVT, components=2)),
         )
     },
     runs=2,
@@ -233,7 +233,7 @@ from torch.utils._python_dispatch import TorchDispatchMode
 
 import low_rank
 from vtlib.envs.cartpole import CartpoleFamily
-from vtlib.experiments.cartpole import CARTPOLE, CARTPOLE_GVT
+from vtlib.experiments.cartpole import CARTPOLE, GVT
 from vtlib.experiments.run import run_batch
 from vtlib.qfunctions import MLP
 
@@ -259,11 +259,11 @@ class NothingOfDTimesD(TorchDispatchMode):
         return made
 
 
-settings = evolve(CARTPOLE_GVT, covariance="low-rank", minibatch=20, n_samples=2)
+settings = evolve(GVT, covariance="low-rank", minibatch=20, n_samples=2)
 mine = evolve(
-    CARTPOLE,
+    CARTPOLE.published,
     family=Wide(),
-    pool=evolve(CARTPOLE.pool, family=Wide(), count=4),
+    pool=evolve(CARTPOLE.published.pool, family=Wide(), count=4),
     algorithms={"GVT": settings, "3-MGVT": evolve(settings, family="mixture", components=3)},
     sources=3,
     iterations=20,

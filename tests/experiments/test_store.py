@@ -264,7 +264,7 @@ def test_a_configuration_is_written_out_and_holds_what_the_result_depends_on(tin
     assert runs["algorithm"]["minibatch"] == 5
     assert runs["algorithm"]["patience"] == 0
     tasks = store.config_of(tiny, "tasks")
-    assert tasks.keys() == set(runs) - {"algorithm", "iterations", "every", "visits", "probes"}
+    assert tasks.keys() == set(runs) - {"algorithm", "iterations", "every", "visits", "probes", "each"}
     pool = store.config_of(tiny.pool, "sources")
     assert (pool["stream"], pool["settings"]["epsilon_steps"]) == ("tiny-pool", 100)
     json.dumps([runs, tasks, pool])
@@ -279,6 +279,7 @@ def test_a_configuration_is_written_out_and_holds_what_the_result_depends_on(tin
         ({"counts": {"GVT": 1}}, "sources"),
         ({"runs_per_task": 3}, "runs_per_task"),
         ({"visits": True}, "visits"),
+        ({"each": True}, "each"),
         ({"algorithms": {"GVT": Settings("gaussian", minibatch=5)}}, "algorithm.n_samples"),
     ],
 )
