@@ -181,7 +181,7 @@ def figure(tiny_protocols, monkeypatch) -> Figure:
 
     monkeypatch.setattr(claims, "returns", returns)
     monkeypatch.setattr(claims, "curves", curves)
-    return Figure(tiny_protocols, "some-figure")
+    return Figure(tiny_protocols._asdict(), "some-figure")
 
 
 class Named:
