@@ -68,8 +68,6 @@ TYPED = [
     ("mazes", f"Each of {WORDS[MAZE.runs]} runs"),
     ("mazes", f"against {MAZE.iterations:,} iterations"),
     ("mazes", f"over {MAZE.iterations:,} iterations"),
-    ("conclusions", f"averaged over {CAR.iterations:,} iterations"),
-    ("conclusions", f"over {MAZE.iterations:,} iterations"),
 ]
 
 
