@@ -34,6 +34,7 @@ SHARE = [*NO_NUMBER, -0.1, 1.1]
 WORD = [None, 3, "", "exact ", "student", ["full"]]
 LEARNER = {
     "epsilon_steps": COUNT,
+    "epsilon_start": SHARE,
     "epsilon_end": SHARE,
     "gamma": [*SHARE, 1],
     "minibatch": COUNT,
@@ -48,7 +49,9 @@ TRANSFER = {
     "psi": SHARE,
     "gamma": [*SHARE, 1],
     "patience": [*COUNT[: len(NO_NUMBER)], -1, 0.0],
+    "ddof": [*NO_NUMBER, -1, 2, 0.5],
     "clip": POSITIVE[1:],
+    "kl_clip": POSITIVE[1:],
 }
 CONFIGURATIONS: list[tuple[Any, dict[str, list[Any]]]] = [
     (Settings(), TRANSFER),

@@ -12,6 +12,7 @@ from torch.nn.functional import huber_loss
 from vtlib.baselines import (
     DDQNSettings,
     EpsilonGreedyLearner,
+    FineTuning,
     LearnerSettings,
     MellowTDSettings,
 )
@@ -57,11 +58,13 @@ def prefers(action: int, runs: int) -> Tensor:
 # --- exploring -----------------------------------------------------------------------------------
 
 
-def test_epsilon_falls_linearly_from_one_to_its_end():
-    runs, end, steps = 6000, 0.2, 4
-    agent = learner(prefers(2, runs), MellowTDSettings(steps, end, alpha=1e-12, minibatch=1))
+@pytest.mark.parametrize(("start", "end"), [(1.0, 0.2), (0.6, 0.1), (0.05, 0.05), (0.1, 0.5)])
+def test_epsilon_goes_linearly_from_its_start_to_its_end(start, end):
+    runs, steps = 6000, 4
+    settings = MellowTDSettings(steps, end, alpha=1e-12, minibatch=1, epsilon_start=start)
+    agent = learner(prefers(2, runs), settings)
     for t in range(7):
-        epsilon = max(end, 1 + t / steps * (end - 1))
+        epsilon = start + min(1, t / steps) * (end - start)
         taken = agent.act(torch.ones(runs, 2), torch.zeros(runs, dtype=torch.bool))
         shares = torch.bincount(taken, minlength=ACTIONS) / runs
         # random actions are uniform, and the greedy one among them
@@ -124,6 +127,41 @@ def test_it_is_the_textbooks_algorithm(settings):
         torch.testing.assert_close(agent.mu[run, 0], expected, rtol=1e-4, atol=1e-5)
     assert (agent.mu[:, 0] - w).abs().max() > 0.05
     assert torch.equal(w, 2 * draw(2, NETWORK.d)), "initial weights are copied"
+
+
+@pytest.mark.parametrize("settings", KINDS)
+@pytest.mark.parametrize(("start", "expected"), [("one", [0.0, 3.0]), ("mean", [1.5, 4.5])])
+def test_fine_tuning_is_the_learner_that_begins_with_sources(settings, start, expected):
+    tuning = FineTuning(settings, start)
+    assert tuning.transfers
+    sources = torch.tensor([0.0, 1.0, 3.5, 3.0, 4.0, 6.5]).view(2, 3, 1) * prefers(1, 2)[:, None]
+    sources[..., 0] = sources[..., 1 - ACTIONS]
+    tuned, plain = (
+        tuning.agent(NETWORK, sources, 2, Rng("t", [0, 1])),
+        learner(tuning.first_weights(sources), settings),
+    )
+    torch.testing.assert_close(tuned.mu[:, 0, 0], torch.tensor(expected))
+    for t in range(12):
+        step, fresh = transition(2, seed=t), torch.zeros(2, dtype=torch.bool)
+        assert torch.equal(tuned.act(step.obs, fresh), plain.act(step.obs, fresh))
+        tuned.learn(step)
+        plain.learn(step)
+    assert type(tuned) is type(plain)
+    assert torch.equal(tuned.mu, plain.mu)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        (lambda: FineTuning(KINDS[0], "best"), "start must be one of one, mean, got 'best'"),
+        (lambda: FineTuning(FineTuning(KINDS[0])), "learner must be of type"),
+        (lambda: MellowTDSettings(5, epsilon_start=1.1), r"epsilon_start must lie in \[0, 1\]"),
+        (lambda: MellowTDSettings(5, epsilon_start=None), "epsilon_start must lie in"),
+    ],
+)
+def test_values_outside_their_range_are_refused(wrong, message):
+    with pytest.raises(ValueError, match=message):
+        wrong()
 
 
 @pytest.mark.parametrize("settings", KINDS)

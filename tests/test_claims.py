@@ -1,231 +1,228 @@
-"""Each rule of the claims just inside and just outside its bound, and the numbers that are told."""
+"""Claims: verdicts at their bounds, and each measure of stored runs and of published curves."""
 
 from __future__ import annotations
 
-import re
-from collections.abc import Callable, Sequence
+import math
 
 import numpy as np
 import pytest
 from xarray import Dataset
 
 from vtlib import claims
-from vtlib.claims import NOT, PARTLY, REPRODUCED, Claim, Runs
-from vtlib.experiments import judged
-from vtlib.stats import mean_interval, slope_interval
+from vtlib.claims import (
+    NOT,
+    REPRODUCED,
+    STRONGER,
+    UNDECIDED,
+    Claim,
+    Figure,
+    Printed,
+    Runs,
+    difference,
+    share_interval,
+)
+from vtlib.experiments.protocols import Protocols
+from vtlib.experiments.published import PublishedCurve
+from vtlib.stats import Interval, mean_interval
 
-# Deviations of eight runs that leave the mean alone, and half the width of their 95% interval.
-WAVE = np.array([1.0, -1, 1, -1, 1, -1, 1, -1])
+WAVE = np.array([1.0, -1, 1, -1, 1, -1, 1, -1])  # without a mean
 HALF = float(mean_interval(WAVE).high)
-DISTANCE = np.array([0.0, 0, 1, 1, 2, 2, 3, 3])  # along which the wave has no slope
-SLOPE = float(slope_interval(DISTANCE, WAVE).high)
-BY = 1_000  # the second of the recorded iterations, 500, 1,000 and 1,500
-# Nine tasks, the least likely ones among the others, and deviations without mean and slope.
-LIKELIHOOD = np.array([9.0, 4, 1, 8, 5, 2, 7, 6, 3])
-UNLIKELY = LIKELIHOOD <= 3
-BEND = np.array([1.0, 0, -1, -1, 1, 1, 0, -2, 1])[(10 - LIKELIHOOD).astype(int) - 1]
-BEND -= np.polyval(np.polyfit(LIKELIHOOD, BEND, 1), LIKELIHOOD)
-BEND_SLOPE = float(slope_interval(LIKELIHOOD, BEND).high)
-THIRD = float(mean_interval(np.array([1.0, 0, -1])).high)
+TIMES = np.array([500, 1_000, 1_500])
 
 
-def returns(
-    learning: Sequence[float],
-    greedy: Sequence[float] | None = None,
-    optimum: float = 1.0,
-    spread: float = 0.0,
-    name: str = "A",
-) -> Runs:
-    """Eight runs with these mean returns at 500, 1,000, ... iterations."""
-    curves = {"learning": learning, "greedy": learning if greedy is None else greedy}
-    data = {
-        kind: (("run", "iteration"), np.add.outer(spread * WAVE, means))
-        for kind, means in curves.items()
-    }
-    times = 500 * np.arange(1, len(learning) + 1)
-    return Runs(
-        name, Dataset({"optimum": ("run", np.full(8, optimum)), **data}, {"iteration": times})
-    )
-
-
-def solving(count: int, later: int) -> Runs:
-    """Runs of which so many have solved their task at 1,000 iterations, and at the end."""
-    runs = returns([0, 0, 0])
-    runs.stored.greedy[:count, 1] = runs.stored.greedy[:later, 2] = 0.9
-    return runs
-
-
-def compared(
-    rule: Callable[..., Claim], gains: Sequence[float], spread: float, *rest: int
-) -> Claim:
-    """A claim of A and B, of which A earns so much more; its gains have the given wave."""
-    return rule(returns(gains, spread=spread), returns([0] * len(gains), name="B"), *rest)
-
-
-def steadier(rule: Callable[..., Claim], gain: float, own: float, other: float) -> Claim:
-    return rule(returns([0, gain, 0], spread=own), returns([0, 0, 0], spread=other, name="B"), BY)
-
-
-def sloped(slope: float) -> Claim:
-    runs = returns([0, 0, 0], optimum=2.0)
-    runs.stored.learning[:, 1] = 2 * (slope * DISTANCE + WAVE)
-    return claims.falls_with(runs, DISTANCE, BY)
-
-
-def negative(learning: float, greedy: float) -> Claim:
-    a = returns([9, 9, learning], [9, 9, greedy], spread=1)
-    return claims.transfers_negatively(a, returns([0, 0, 0], name="B"))
-
-
-def jumped(lead: float) -> Claim:
-    return claims.little_jump_start(returns([lead], optimum=-50), returns([-50], name="B"))
-
-
-def only_with(own: float, other: float) -> Claim:
-    return claims.optimal_only_with("A", "B", {"easy": (1, 1), "hard": (own, other)})
-
-
-def unlikely(fallen: float, slope: float) -> Claim:
-    """Of tasks of which the unlikeliest three fall behind by so much, and the others lead."""
-    gap = slope * LIKELIHOOD + BEND - 99 * (not fallen)
-    if fallen:
-        gap = np.where(UNLIKELY, 0.0, 9.0 * LIKELIHOOD)
-        gap[UNLIKELY] = np.array([1.0, 0, -1]) - fallen
-    return judged.falls_behind_on_unlikely("A", "B", LIKELIHOOD, gap, BY)
-
-
-def covered(first: float, second: float) -> Claim:
-    other = {"cells": 0 * WAVE, "effective": 0 * WAVE}
-    return judged.covers_more("A", {"cells": WAVE + first, "effective": WAVE + second}, "B", other)
-
-
-def half(first: float, second: float) -> Claim:
-    b = 3 + WAVE
-    return judged.earns_half("A", "B", {500: (b - 1 - first, b), BY: (b - 1 - second, b)})
-
-
-def closing(few: float, many: float, few_spread: float = 1.0, many_spread: float = 1.0) -> Claim:
-    ends = [mean_interval(gap + s * WAVE) for gap, s in ((few, few_spread), (many, many_spread))]
-    return judged.gap_closes("A", "B", *ends, BY)
-
-
-def arrivals(count: int) -> np.ndarray:
-    return np.arange(10)[::-1] * (np.arange(10) < count) + (np.arange(10) < count)
-
-
-# By x how far the claim is inside the bound of one of its parts.
-Rules = dict[str, Callable[[float], Claim]]
-FAILS_WITH: Rules = {
-    "not by": lambda x: claims.not_by(returns([1, 0.9 - x, 1]), BY),
-    "only": lambda x: claims.only_beginning(returns([0, 4 - x, 0], None, 8, 1), BY),
-    "falls with": lambda x: sloped(-SLOPE - x),
-    "moves": lambda x: claims.moves_early(returns([0] * 5, [0, 2, 4 + x, 5 + x, 4 + x]), 1_500),
-    "faster": lambda x: compared(claims.learns_faster, [9, 2 * HALF - 9 + x, -99], 1, BY),
-    "no advantage": lambda x: compared(claims.no_advantage, [9, 2 * HALF - 9 - x, 99], 1, BY),
-    "jump-start": lambda x: jumped(-45 - x),
-    "optimal with": lambda x: only_with(0.9 + x, 0),
-    "not without": lambda x: only_with(1, 0.9 - x),
-    "never arrives": lambda x: judged.never_arrives("A", arrivals(5 - (x > 0))),
-    "arrives": lambda x: judged.arrives("A", arrivals(8 + (x > 0))),
-    "gathers": lambda x: judged.gathers_at_door("A", 2 + HALF + x + WAVE, 2),
-}
-FAILS_IN_PART: Rules = {
-    "optimal then": lambda x: claims.optimal_by(returns([0, 0.95 + x, 1]), BY),
-    "optimal later": lambda x: claims.optimal_by(returns([0, 1, 0.95 + x]), BY),
-    "solved then": lambda x: claims.solves_most(solving(4 + (x > 0), 8), BY),
-    "solved later": lambda x: claims.solves_most(solving(5, 4 + (x > 0)), BY),
-    "beginning": lambda x: claims.only_beginning(returns([0, x, 1], None, 8, 1), BY),
-    "starts greedily": lambda x: claims.starts_near_optimum(returns([1], [0.9 + x])),
-    "starts learning": lambda x: claims.starts_near_optimum(returns([0.9 + x], [1])),
-    "ends learning": lambda x: claims.ends_at_optimum(returns([0, x - 55], [0, -50], -50)),
-    "ends greedily": lambda x: claims.ends_at_optimum(returns([0, 50], [0, 45 + x], 50)),
-    "better": lambda x: steadier(claims.better_and_steadier, x, 1, 2),
-    "steadier": lambda x: steadier(claims.better_and_steadier, 9, 2 - x, 2),
-    "worse": lambda x: steadier(claims.worse_and_wider, -HALF - x, 2, 1),
-    "wider": lambda x: steadier(claims.worse_and_wider, -9, 2 + x, 2),
-    "no better during": lambda x: compared(claims.no_better, [2 * (HALF - x), 0, HALF - x], 1, BY),
-    "no better then": lambda x: compared(claims.no_better, [-9, HALF - x, 9 - HALF], 1, BY),
-    "negative learning": lambda x: negative(-HALF - x, -9),
-    "negative greedy": lambda x: negative(-9, -HALF - x),
-    "covers": lambda x: covered(HALF + x, 9),
-    "covers by either": lambda x: covered(9, HALF + x),
-    "falls behind": lambda x: unlikely(THIRD + x, 0),
-    "less and less": lambda x: unlikely(0, BEND_SLOPE + x),
-    "optimal for each": lambda x: judged.optimal_for_all("A", np.array([1, 0.9 + x, 1]), BY),
-    "half early": lambda x: half(x, 2),
-    "half late": lambda x: half(2, x),
-    "apart above": lambda x: closing(HALF + x, 0),
-    "apart below": lambda x: closing(-HALF - x, 0),
-    "met above": lambda x: closing(9, HALF - x),
-    "met below": lambda x: closing(9, x - HALF),
-    "closer": lambda x: closing(1, 1 - x, 0.1, 9),
-}
-FAILS_AT_LAST: Rules = {
-    "optimal on average": lambda x: judged.optimal_for_all("A", np.array([0.8, 1 + 2 * x]), BY),
-    "closer or not": lambda x: closing(-2, 2 - x, 1, 0.1),
-}
-
-
-@pytest.mark.parametrize("rule", [*FAILS_WITH, *FAILS_IN_PART, *FAILS_AT_LAST])
-def test_a_rule_turns_at_its_bound(rule):
-    judge = (FAILS_WITH | FAILS_IN_PART | FAILS_AT_LAST)[rule]
-    assert judge(1e-6).verdict == (PARTLY if rule in FAILS_AT_LAST else REPRODUCED)
-    assert judge(-1e-6).verdict == (PARTLY if rule in FAILS_IN_PART else NOT)
-
-
-GAIN, SPREAD = (2, 95, 2 - HALF, 2 + HALF), WAVE.std(ddof=1)
-WAVING = returns([0, 2, 0], optimum=8, spread=1)
-FALLEN = -99 + BEND[UNLIKELY].mean()
+# --- verdicts ------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
-    ("claim", "numbers"),
+    ("low", "high", "plain"),
     [
-        (claims.optimal_by(returns([0.2, 0.96, 0.97]), BY), [BY, 96, 97, 95, BY]),
-        (claims.optimal_by(returns([0, 0.5, 1]), BY), [BY, 50, 100, 95, 1_500]),
-        (claims.optimal_by(returns([0, 0.5, 0.9]), BY), [BY, 50, 90, 95]),
-        (claims.not_by(returns([0, 1, 0], optimum=4), BY), [BY, 25]),
-        (claims.solves_most(solving(2, 6), BY), [10, 25, BY, 75, 0, BY]),
-        (claims.only_beginning(WAVING, BY), [BY, *GAIN, 25]),
-        (sloped(2 * SLOPE), [BY, 2 * SLOPE, 95, SLOPE, 3 * SLOPE]),
-        (claims.starts_near_optimum(returns([1, 0], [2, 0], optimum=4)), [500, 50, 500, 25]),
-        (claims.moves_early(returns([0] * 4, [0, 3, 4, 9]), BY), [500, 3, BY, 3]),
-        (claims.ends_at_optimum(returns([0, 1], [0, 2], -3)), [BY, 1, 2, -3]),
-        (compared(claims.learns_faster, [3, 1, 0], 1, BY), [BY, *GAIN]),
-        (compared(claims.no_advantage, [3, 1, 0], 1, BY), [BY, *GAIN]),
-        (compared(claims.no_better, [2, 2, 2], 1, BY), [*GAIN, *GAIN, BY]),
-        (negative(2, 2), [1_500, *GAIN, *GAIN]),
-        (compared(claims.little_jump_start, [2, 0], 0), [500, 2, 1]),
-        (only_with(0.5, 0.25), [100, 100, 50, 25]),
-        (steadier(claims.better_and_steadier, 2, 2, 1), [BY, *GAIN, 2 * SPREAD, SPREAD]),
-        (steadier(claims.worse_and_wider, 2, 1, 2), [BY, *GAIN, SPREAD, 2 * SPREAD, 200]),
-        (judged.never_arrives("A", np.array([0, 3, 4, 90])), [3, 4, 3.5]),
-        (judged.arrives("A", np.array([5, 5, 83])), [3, 3, 5]),
-        (judged.gathers_at_door("A", 2 + WAVE, 1.5), [*GAIN, 1.5]),
-        (covered(1, 2), [1, 0, 1, 95, 1 - HALF, 1 + HALF, 2, 0, *GAIN]),
-        (unlikely(0, 0), [FALLEN, 95, None, None, 3, None, 0, 95, -BEND_SLOPE, BEND_SLOPE]),
-        (judged.optimal_for_all("A", np.array([0.8, 1, 0.96]), BY), [BY, 2, 3, 90, 80, 92]),
-        (half(0.5, 0), [500, 1.5, 3, BY, 2, 3]),
-        (closing(3, 1), [BY, 3, 95, 3 - HALF, 3 + HALF, 1, 95, 1 - HALF, 1 + HALF]),
+        (0.4, 0.6, REPRODUCED),
+        (0.2, 0.8, REPRODUCED),  # the bounds themselves are inside
+        (0.2, 0.2, REPRODUCED),
+        (0.1, 0.1, NOT),
+        (0.1, 0.199, NOT),
+        (0.801, 0.9, NOT),
+        (0.1, 0.2, UNDECIDED),
+        (0.1, 0.5, UNDECIDED),
+        (0.5, 0.9, UNDECIDED),
+        (0.8, 0.9, UNDECIDED),
+        (0.1, 0.9, UNDECIDED),
     ],
-    ids=lambda given: given.text if isinstance(given, Claim) else "",
 )
-def test_the_evidence_tells_the_numbers_behind_the_verdict(claim, numbers):
-    told = [float(x.replace(",", "")) for x in re.findall(r"-?\d[\d,]*\.?\d*", claim.evidence)]
-    known = [(x, y) for x, y in zip(told, numbers, strict=True) if y is not None]
-    assert [x for x, _ in known] == pytest.approx([y for _, y in known], abs=5e-4)
+@pytest.mark.parametrize("stronger", ["", "low", "high"])
+def test_a_claim_is_decided_by_where_its_whole_interval_lies(low, high, plain, stronger):
+    found = {"published": Interval((low + high) / 2, low, high)}
+    claim = Claim("text", "number", found, None, 0.2, 0.8, stronger)
+    beyond = {"low": high < 0.2, "high": low > 0.8, "": False}[stronger]
+    assert claim.verdict("published") == (STRONGER if beyond else plain)
+    assert claim.bounds == "0.2 to 0.8"
 
 
-def test_returns_are_looked_up_by_iteration_and_refused_elsewhere():
-    runs = returns([0.1, 0.2, 0.3], [0.4, 0.5, 0.6])
-    assert (runs.at(1_000) == 0.2).all()
-    assert (runs.at(1_500, "greedy") == 0.6).all()
-    for iteration in (0, 750, 2_000, -1):
-        with pytest.raises(ValueError, match=f"iteration {iteration} was not recorded"):
-            runs.at(iteration)
+def test_an_open_bound_holds_everything_beyond_the_other():
+    least, most = Claim("", "", {}, None, low=0.5), Claim("", "", {}, None, high=0.5)
+    assert least.judge(Interval(9, 8, np.inf)) == most.judge(Interval(0, -np.inf, 0)) == REPRODUCED
+    assert least.judge(Interval(0, 0, 0.4)) == most.judge(Interval(1, 0.6, 1)) == NOT
+    assert (least.bounds, most.bounds) == ("at least 0.5", "at most 0.5")
 
 
-def test_a_run_is_solved_against_its_own_optimum():
-    runs = returns([0.72])
-    runs.stored.optimum[:] = 0.8 + 1e-6 * WAVE
-    assert runs.solved(500) == 0.5
+# --- measures ------------------------------------------------------------------------------------
+
+
+def runs(learning, greedy=None, optimum=1.0, spread=1.0, floor=0.0) -> Runs:
+    """Eight runs with these mean returns at 500, 1,000 and 1,500 iterations."""
+    curves = {"learning": learning, "greedy": learning if greedy is None else greedy}
+    data = {
+        kind: (("run", "iteration"), np.add.outer(spread * WAVE, np.asarray(means, float)))
+        for kind, means in curves.items()
+    }
+    best = ("run", np.broadcast_to(optimum, 8).astype(float))
+    return Runs(Dataset({"optimum": best, **data}, {"iteration": TIMES}), floor)
+
+
+def printed(learning, half, greedy=None, scale=1.0, floor=0.0) -> Printed:
+    """Curves with these means, and the same half width everywhere."""
+    learning, greedy = (
+        PublishedCurve(TIMES, np.asarray(x, float), np.array(x) - half, np.array(x) + half)
+        for x in (learning, learning if greedy is None else greedy)
+    )
+    return Printed(learning, greedy, scale, floor)
+
+
+def near(found: Interval, *expected: float) -> bool:
+    return tuple(float(x) for x in found) == pytest.approx(expected, rel=1e-12, abs=1e-12)
+
+
+def test_shares_are_of_the_way_from_the_floor_to_the_mean_optimum():
+    # a mean optimum of -40 lies 50 above a floor of -90
+    far = runs([-65, -40, -90], [-50, -60, -70], np.repeat([-30.0, -50.0], 4), 5.0, -90.0)
+    assert near(far.share(500), 0.5, 0.5 - 0.1 * HALF, 0.5 + 0.1 * HALF)
+    assert near(far.share(1_500, "greedy"), 0.4, 0.4 - 0.1 * HALF, 0.4 + 0.1 * HALF)
+    seen = printed([-65, -40, -90], 5.0, [-50, -60, -70], 50.0, -90.0)
+    assert near(seen.share(500), 0.5, 0.4, 0.6)
+    assert near(seen.share(1_500, "greedy"), 0.4, 0.3, 0.5)
+    with pytest.raises(KeyError):
+        far.share(750)
+    assert near(seen.share(1_499), 1.0, 0.9, 1.1)  # published curves hold their value
+
+
+def test_gains_are_paired_by_run_and_those_of_published_curves_cannot_be():
+    # each run earns 2 more, whatever its own luck
+    a, b = runs([2, 4, 6], [3, 3, 3], 4.0, 9.0), runs([0, 1, 2], [0, 0, 1], 4.0, 9.0)
+    assert near(a.gain(b, 500), 0.5, 0.5, 0.5)
+    assert near(a.gain(b, 1_500, "greedy"), 0.5, 0.5, 0.5)
+    assert near(a.gain_until(b, 1_000), 2.5 / 4, 2.5 / 4, 2.5 / 4)
+    assert near(a.gain_until(b, 1_499), 2.5 / 4, 2.5 / 4, 2.5 / 4)
+    assert near(a.gain_until(b, 1_500), 0.75, 0.75, 0.75)
+    c, d = printed([2, 4, 6], 3.0, scale=4.0), printed([0, 1, 2], 4.0, scale=4.0)
+    half = 5 / 4  # 3-4-5: errors of independent means
+    assert near(c.gain(d, 500), 0.5, 0.5 - half, 0.5 + half)
+    assert near(c.gain_until(d, 1_000), 2.5 / 4, 2.5 / 4 - half, 2.5 / 4 + half)
+    assert near(difference(Interval(3, 0, 6), Interval(1, -3, 5)), 2, -3, 7)
+
+
+def test_a_gain_is_as_uncertain_as_the_differences_of_its_runs():
+    a, b = runs([2, 2, 2], spread=3.0), runs([1, 1, 1], spread=1.0)
+    assert near(a.gain(b, 500), 1, 1 - 2 * HALF, 1 + 2 * HALF)
+
+
+def test_spreads_and_ratios_compare_with_the_other_algorithm():
+    a, b = runs([5, 6, 7], spread=1.5), runs([2, 2, 2], spread=0.5)
+    spread = a.spread(b, 1_000)
+    assert near(spread, 3, 3, 3)  # of whole pairs: each resample keeps the ratio
+    assert a.spread(b, 1_000) == spread
+    assert float(a.ratio(b, 500).centre) == 2.5
+    assert near(printed([5, 6, 7], 3.0).spread(printed([1, 1, 1], 2.0), 500), 1.5, 1.5, 1.5)
+
+
+def test_a_run_is_solved_where_it_misses_its_own_optimum_by_a_tenth_at_most():
+    own = np.array([-10.0, -10, -10, -10, -60, -60, -60, -60])
+    # floor -110: nine tenths of the way lie at -20 and at -65
+    solved = runs([0] * 3, [0] * 3, own, 0.0, -110.0)
+    solved.stored.greedy[:, 1] = [-20, -20.1, -19, -65, -65, -65.1, -64, -70]
+    assert near(solved.solved(1_000), 0.5, *share_interval(np.arange(8) < 4)[1:])
+
+
+def test_shares_of_runs_have_wilsons_interval():
+    # by hand: centre (p + z^2 / 2n) / (1 + z^2 / n), half z sqrt(p q / n + z^2 / 4 n^2) / (...)
+    z, n, p = 1.959964, 20, 0.95
+    centre, below = p + z**2 / (2 * n), 1 + z**2 / n
+    half = z * math.sqrt(p * (1 - p) / n + z**2 / (4 * n**2))
+    found = share_interval(np.arange(20) < 19)
+    assert found.centre == p
+    expected = (centre - half) / below, (centre + half) / below
+    assert (found.low, found.high) == pytest.approx(expected, rel=1e-6)
+    every = share_interval(np.ones(20, dtype=bool))
+    assert (every.centre, every.high) == (1, 1)
+    assert every.low < 0.85
+
+
+def test_restlessness_is_how_much_faster_the_greedy_curve_moves_at_first():
+    # of the steps 3 and -1, the first ends by 1,000
+    assert near(runs([0] * 3, [0, 3, 2]).restlessness(1_000), 3, 3, 3)
+    assert near(printed([0] * 3, 1.0, [5, 4, 8]).restlessness(1_000), 0.25, 0.25, 0.25)
+
+
+# --- figures -------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def figure(tiny_protocols, monkeypatch) -> Figure:
+    """Both protocols of an experiment of two algorithms, and a figure with a third."""
+    levels = {("p", "A"): 1.0, ("p", "B"): 3.0, ("e", "A"): 2.0, ("e", "B"): 2.0}
+
+    def returns(experiment, label):
+        return runs([levels[experiment.name, label]] * 3, [0, 1, 2], 4.0, 0.5).stored
+
+    def curves(name, kind):
+        assert name == "some-figure"
+        learning = printed([1, 1, 9], 0.25).learning if kind == "learning" else None
+        greedy = printed([0, 8, 2], 0.25).learning
+        return dict.fromkeys(("A", "B"), learning or greedy)
+
+    monkeypatch.setattr(claims, "returns", returns)
+    monkeypatch.setattr(claims, "curves", curves)
+    return Figure(tiny_protocols._asdict(), "some-figure")
+
+
+class Named:
+    """What a figure reads of an experiment."""
+
+    def __init__(self, name: str) -> None:
+        self.name, self.algorithms = name, {"A": None, "B": None}
+
+
+@pytest.fixture
+def tiny_protocols() -> Protocols:
+    return Protocols(Named("p"), Named("e"))  # type: ignore[arg-type]
+
+
+def test_a_claim_is_measured_alike_in_both_protocols_and_on_the_published_curves(figure):
+    claim = figure.claim("text", "n", lambda a, b: a.gain(b, 500), "B", "A", low=0.1, ours=True)
+    assert {x: float(claim.found[x].centre) for x in claim.found} == {
+        "published": 0.5,
+        "equations": 0.0,
+    }
+    assert claim.printed is not None
+    # the published curves are shares of the optimum of our runs
+    assert near(claim.printed, 0.0, *np.array([-1, 1]) * 0.25 * 2**0.5 / 4)
+    assert [claim.verdict(x) for x in claim.found] == [REPRODUCED, NOT]
+    assert (claim.low, claim.high, claim.ours) == (0.1, np.inf, True)
+    alone = figure.claim("text", "n", lambda a: a.share(500), "A", printed=False)
+    assert alone.printed is None
+    assert Figure(figure.protocols).claim("", "", lambda a: a.share(500), "A").printed is None
+
+
+def test_curves_overlap_where_their_intervals_meet(figure):
+    # ours 1 +- 0.5 half widths of the mean at 500 and 1,000, published 1 +- 0.25; apart at 1,500
+    assert figure.overlap("published", "A", "learning") == pytest.approx(2 / 3)
+    assert figure.overlap("published", "B", "learning") == 0
+    # greedy: 0 and 2 meet, 1 and 8 do not
+    assert figure.overlap("equations", "A", "greedy") == pytest.approx(2 / 3)
+
+
+def test_overlap_is_counted_where_both_were_recorded(figure, monkeypatch):
+    seen = figure.printed["A"].learning
+    later = PublishedCurve(np.array([1_000, 1_500, 2_000]), *seen[1:])
+    monkeypatch.setitem(figure.printed, "A", Printed(later, later, 4.0))
+    # at 1,000 the curve's first value meets ours, at 1,500 its second one; 2,000 is not ours
+    assert figure.overlap("published", "A", "learning") == 1

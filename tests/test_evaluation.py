@@ -17,9 +17,9 @@ ROOMS = RoomsFamily(), RoomsFamily().q()
 CARTPOLE = CartpoleFamily(), MLP((4, 8, 2))
 
 
-def evaluation(case, runs: list[int] = RUNS, episodes: int = EPISODES) -> Evaluation:
+def evaluation(case, runs: list[int] = RUNS, over: str = "mean") -> Evaluation:
     family, q = case
-    return Evaluation(q, family.draw_tasks("e", runs), Rng("e", runs), episodes)
+    return Evaluation(q, family.draw_tasks("e", runs), Rng("e", runs), EPISODES, over)
 
 
 def weights(q: QFunction, components: int = 1) -> Tensor:
@@ -27,13 +27,14 @@ def weights(q: QFunction, components: int = 1) -> Tensor:
 
 
 @pytest.mark.parametrize("components", [1, 3])
+@pytest.mark.parametrize("over", ["mean", "max"])
 @pytest.mark.parametrize("case", [ROOMS, CARTPOLE], ids=["rooms", "cartpole"])
-def test_it_equals_episodes_played_one_by_one(case, components):
+def test_it_equals_episodes_played_one_by_one(case, over, components):
     family, q = case
     mu, tasks, rng = weights(q, components), family.draw_tasks("e", RUNS), Rng("e", RUNS)
     before = mu.clone()
     noises, starts = rng.stream("test noise"), rng.stream("test start")
-    evaluate, each = evaluation(case), evaluation(case)
+    evaluate, each = evaluation(case, over=over), evaluation(case, over=over)
     for _ in range(2):
         noise = noises.normal(EPISODES * tasks.horizon * tasks.noise_dim)
         noise = noise.view(3, EPISODES, tasks.horizon, tasks.noise_dim)
@@ -44,7 +45,9 @@ def test_it_equals_episodes_played_one_by_one(case, components):
             state = task.start(start[r, e : e + 1])
             for t in range(task.horizon):
                 obs = task.observe(state).unsqueeze(0)
-                action = q.q(mu[r : r + 1], q.prepare(obs))[0, :, :, 0].mean(0).argmax().view(1)
+                values = q.q(mu[r : r + 1], q.prepare(obs))[0, :, :, 0]
+                values = values.mean(0) if over == "mean" else values.max(0).values
+                action = values.argmax().view(1)
                 state, reward, terminated = task.step(state, action, noise[r, e, t : t + 1])
                 expected[r, e] += task.gamma**t * reward.item()
                 if terminated:
@@ -52,6 +55,17 @@ def test_it_equals_episodes_played_one_by_one(case, components):
         torch.testing.assert_close(each.episodes(mu), expected, rtol=0, atol=1e-4)
         torch.testing.assert_close(evaluate(mu), expected.mean(1), rtol=0, atol=1e-4)
     assert torch.equal(mu, before)
+
+
+@pytest.mark.parametrize("case", [ROOMS, CARTPOLE], ids=["rooms", "cartpole"])
+def test_each_component_plays_the_same_episodes_and_returns_are_averaged(case):
+    mu, together = weights(case[1], 3), evaluation(case, over="each")
+    alone = [evaluation(case) for _ in range(3)]
+    for _ in range(2):  # the second evaluation draws from where all of them have come to
+        found = [one.episodes(mu[:, i : i + 1]) for i, one in enumerate(alone)]
+        torch.testing.assert_close(together.episodes(mu), torch.stack(found).mean(0))
+    # in the rooms nobody arrives
+    assert torch.equal(found[0], found[1]) == (case is ROOMS)
 
 
 def test_later_evaluations_are_others_and_do_not_depend_on_how_earlier_ones_went():

@@ -18,8 +18,9 @@ from PIL import Image
 from xarray import Dataset
 
 from vtlib import plots
+from vtlib.experiments.published import PublishedCurve
 from vtlib.plots import COLOURS, OPTIMUM, STYLES, curve, draw_curves, learning_figure
-from vtlib.stats import mean_interval
+from vtlib.stats import Interval, mean_interval
 
 # Full dichromacy, acting on linear RGB: Machado, Oliveira and Fernandes (2009), table 1.
 VISION = {
@@ -116,17 +117,67 @@ def test_one_panel_is_enough_and_without_an_optimum_none_is_drawn():
         learning_figure(plots.panels({"NT": runs(0, count=1)}), 0.8, (0, 1))
 
 
-def test_another_start_is_drawn_dashed_in_the_colour_of_its_algorithm():
-    stored = {"GVT": runs(0), "GVT-span": runs(1), "1-MGVT": runs(2), "1-MGVT-mean": runs(3)}
-    figure = plots.starts_figure(stored, {"GVT": "span", "1-MGVT": "mean"}, (0, 1))
-    for ax, (label, start) in zip(figure.axes, (("GVT", "span"), ("1-MGVT", "mean")), strict=True):
-        assert label in ax.get_title(loc="left")
-        assert start in ax.get_title(loc="left")
-        first, second, _ = ax.get_lines()
-        assert to_hex(first.get_color()) == to_hex(second.get_color()) == COLOURS[label].lower()
-        assert (first.get_linestyle(), second.get_linestyle()) == ("-", "--")
-        for line, name in ((first, label), (second, f"{label}-{start}")):
-            np.testing.assert_allclose(line.get_ydata(), stored[name].learning.values.mean(0))
+def published(seed: int, times: int = 7) -> PublishedCurve:
+    """A made-up curve at 50, 150, ... iterations, which are not those of the runs."""
+    mean = np.random.default_rng(seed).random(times) / 2
+    return PublishedCurve(100 * np.arange(times) + 50, mean, mean - 0.1, mean + 0.2)
+
+
+def test_runs_are_drawn_over_the_published_curves():
+    shown = {"NT": runs(0), "GVT": runs(1), "fine-tuned": runs(2)}
+    seen = {
+        kind: {"GVT": published(i), "NT": published(i + 2), "3-MGVT": published(9)}
+        for i, kind in enumerate(("learning", "greedy"))
+    }
+    # two of five runs come to nine tenths of their optimum, counted from a floor of -1
+    shown["GVT"].learning[:2, 4] = -1 + 0.9 * 1.75 + 1e-9
+    axes = plots.over_published(shown, seen, (-0.02, 0.9), floor=-1.0).axes
+    assert [ax.get_title(loc="left") for ax in axes[:2]] == ["NT", "GVT"]
+    assert [ax.get_ylabel() for ax in (axes[0], axes[2])] == list(plots.KINDS)
+    for ax, (kind, label) in zip(
+        axes, itertools.product(("learning", "greedy"), ("NT", "GVT")), strict=True
+    ):
+        stored, theirs = shown[label], seen[kind][label]
+        *single, black, mean, dashed = ax.get_lines()
+        assert len(single) == (5 if kind == "learning" else 0)
+        for line, values in zip(single, stored.learning.values, strict=False):
+            np.testing.assert_array_equal(line.get_ydata(), values)
+        np.testing.assert_array_equal(
+            black.get_xydata(), np.stack([theirs.iterations, theirs.mean], 1)
+        )
+        np.testing.assert_allclose(mean.get_ydata(), stored[kind].values.mean(0))
+        assert to_hex(mean.get_color()) == COLOURS[label].lower()
+        assert set(dashed.get_ydata()) == {0.75}
+        grey, own = (x for x in ax.collections if isinstance(x, PolyCollection))
+        assert to_hex(grey.get_facecolor()[0]) == plots.PUBLISHED
+        corners = grey.get_paths()[0].vertices
+        for end in (theirs.low, theirs.high):
+            for corner in np.stack([theirs.iterations, end], 1):
+                assert np.abs(corners - corner).max(1).min() < 1e-9
+        assert to_hex(own.get_facecolor()[0]) == COLOURS[label].lower()
+        words = [x.get_text() for x in ax.texts]
+        expected = f"{2 if label == 'GVT' else 0} of 5 solved"
+        assert words == ([expected] if kind == "learning" else [])
+
+
+def test_intervals_stand_below_each_other_and_beside_the_first():
+    groups = {
+        "GVT": {"as it is": Interval(0.5, 0.4, 0.7), "without": Interval(0.2, 0.1, 0.3)},
+        "1-MGVT": {"as it is": Interval(0.8, 0.7, 0.9)},
+    }
+    figure = plots.intervals_figure(groups, "share", COLOURS)
+    for ax, (label, group) in zip(figure.axes, groups.items(), strict=True):
+        assert (ax.get_title(loc="left"), ax.get_xlabel()) == (label, "share")
+        assert [x.get_text() for x in ax.get_yticklabels()] == list(group)
+        low, high = ax.get_ylim()
+        assert low > high, "the first is on top"
+        *drawn, mark = ax.get_lines()
+        for y, one in enumerate(group.values()):
+            span, dot = drawn[2 * y : 2 * y + 2]
+            assert span.get_xydata().tolist() == [[one.low, y], [one.high, y]]
+            assert dot.get_xydata().tolist() == [[one.centre, y]]
+            assert {to_hex(x.get_color()) for x in (span, dot, mark)} == {COLOURS[label].lower()}
+        assert set(mark.get_xdata()) == {next(iter(group.values())).centre}
 
 
 def test_a_setting_stands_beside_the_same_runs_of_the_references(monkeypatch):

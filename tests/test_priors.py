@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 
+import numpy as np
 import pytest
 import torch
 from hypothesis import given, settings
@@ -81,12 +82,18 @@ def test_gradients_of_the_kl_are_the_pull_and_the_product_with_the_precision(d):
 # one source has no spread at all, twelve span more than the six dimensions
 @pytest.mark.parametrize("sources", [1, 2, 4, 12])
 @pytest.mark.parametrize("jitter", [1e-4, 1.0])
-def test_moments_of_sources(monkeypatch, sources, jitter, at_once):
+@pytest.mark.parametrize("ddof", [0, 1])
+def test_moments_of_sources(monkeypatch, sources, jitter, ddof, at_once):
     monkeypatch.setattr(priors, "DOUBLES", at_once * 6**2)
     w = draw(5, sources, 6)
-    mu, spread = sources_mean_and_spread(w)
+    if sources == ddof:
+        with pytest.raises(ValueError, match=r"^sources must be more than ddof = 1, got 1$"):
+            GaussianPrior(w, jitter, ddof)
+        return
+    mu, spread = sources_mean_and_spread(w, ddof)
     torch.testing.assert_close(mu, w.mean(1))
-    covariance = torch.stack([torch.cov(one.T, correction=0) for one in w]) + jitter * eye(6)
+    covariance = torch.stack([torch.from_numpy(np.cov(one.T, ddof=ddof)) for one in w])
+    covariance += jitter * eye(6)
     L = covariance_factor(spread, jitter)
     torch.testing.assert_close(L @ L.mT, covariance)
     assert not L.triu(1).any()
@@ -94,6 +101,9 @@ def test_moments_of_sources(monkeypatch, sources, jitter, at_once):
     inverse = precision.times(eye(6).expand(5, 6, 6))
     torch.testing.assert_close(inverse, torch.linalg.inv(covariance), rtol=1e-8, atol=1e-8)
     torch.testing.assert_close(precision.diagonal(6), inverse.diagonal(dim1=1, dim2=2))
+    prior = GaussianPrior(w, jitter, ddof)
+    own = prior.precision.times(eye(6).expand(5, 6, 6))
+    torch.testing.assert_close(own, inverse, rtol=1e-8, atol=1e-8)
 
 
 @pytest.mark.parametrize("apart", [1e8, 1e30, 3e38])

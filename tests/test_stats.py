@@ -16,8 +16,10 @@ from vtlib.stats import (
     improvement_interval,
     interquartile_mean,
     mean_interval,
+    ratio_interval,
     same_distribution_p,
     slope_interval,
+    spread_interval,
 )
 
 PROPERTY = settings(deadline=None, derandomize=True)
@@ -58,6 +60,8 @@ def test_few_runs_and_values_that_are_not_finite_have_no_interval(values):
         lambda: mean_interval(values),
         lambda: difference_interval(np.zeros_like(values), values),
         lambda: slope_interval(values, values),
+        lambda: ratio_interval(values, values),
+        lambda: spread_interval(values, values, rng),
         lambda: bootstrap_interval(values, rng),
         lambda: improvement_interval(values, values, rng),
         lambda: same_distribution_p(values, values, rng),
@@ -69,8 +73,9 @@ def test_few_runs_and_values_that_are_not_finite_have_no_interval(values):
 @pytest.mark.parametrize("runs", [1, 10, 19])
 def test_runs_that_do_not_pair_are_refused(runs):
     rng, a, b = np.random.default_rng(0), np.arange(20.0), np.arange(float(runs))
-    for call in (difference_interval, slope_interval, improvement_interval, same_distribution_p):
-        drawing = [rng] if call in (improvement_interval, same_distribution_p) else []
+    drawn = (improvement_interval, same_distribution_p, spread_interval)
+    for call in (difference_interval, slope_interval, ratio_interval, *drawn):
+        drawing = [rng] if call in drawn else []
         with pytest.raises(ValueError, match=r"must pair|at least 2 runs"):
             call(a, b, *drawing)
 
@@ -98,6 +103,44 @@ def test_the_slope_is_that_of_least_squares_and_its_interval_students():
 def test_a_slope_needs_three_runs_at_different_places(x):
     with pytest.raises(ValueError, match="at least 3 runs"):
         slope_interval(np.array(x), np.array(x))
+
+
+def test_a_ratio_of_means_feels_only_what_its_pairs_do_not_share():
+    b = np.array([1.0, 2.0, 3.0, 6.0])
+    assert ratio_interval(0.5 * b, b) == pytest.approx((0.5, 0.5, 0.5))
+    # by hand: means 3 and 3, residuals a - b of 2, 0, 0 and -2
+    a = b + np.array([2.0, 0, 0, -2.0])
+    half = 3.1824 * math.sqrt(8 / 3) / 2 / 3
+    assert ratio_interval(a, b) == pytest.approx((1, 1 - half, 1 + half), rel=1e-4)
+    assert ratio_interval(-a, -b) == pytest.approx(ratio_interval(a, b))
+
+
+def test_ratios_of_means_and_of_deviations_are_covered():
+    rng, covered = np.random.default_rng(5), np.zeros(2)
+    # pairs that share half of their variance; the deviations' ratio is 2
+    for _ in range(400):
+        shared, own = rng.standard_normal((2, 20))
+        b = 5 + shared
+        a = 3 + 2 * (shared + own) / math.sqrt(2)
+        for i, (found, truth) in enumerate(
+            [(ratio_interval(a, b), 0.6), (spread_interval(a, b, rng, draws=200), 2.0)]
+        ):
+            covered[i] += found.low <= truth <= found.high
+    # standard error 0.011; a percentile bootstrap of twenty pairs is a little short
+    assert 0.92 < covered[0] / 400 < 0.985
+    assert 0.86 < covered[1] / 400 < 0.985
+
+
+def test_a_ratio_of_deviations_is_that_of_the_runs_and_resamples_them_in_pairs():
+    rng, b = np.random.default_rng(0), np.random.default_rng(1).standard_normal(20)
+    assert spread_interval(7 - 3 * b, b, rng, 50) == pytest.approx((3, 3, 3))
+    a = np.random.default_rng(2).standard_normal(20)
+    found = spread_interval(a, b, rng)
+    assert found.centre == pytest.approx(np.std(a, ddof=1) / np.std(b, ddof=1))
+    assert found.low < found.centre < found.high
+    # runs of which almost all are alike: resamples without the odd one have no ratio
+    odd = np.array([1.0, 0, 0, 0])
+    assert spread_interval(odd, odd, rng) == pytest.approx((1, 1, 1))
 
 
 @PROPERTY

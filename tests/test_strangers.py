@@ -193,19 +193,19 @@ from attrs import evolve
 import adam
 import low_rank
 from vtlib.experiments import returns, store
-from vtlib.experiments.cartpole import CARTPOLE, CARTPOLE_GVT, CARTPOLE_MGVT, CARTPOLES
+from vtlib.experiments.cartpole import CARTPOLE, CARTPOLES, GVT, MGVT
 from vtlib.experiments.check import verify
 from vtlib.experiments.schedule import complete
 
 MINE = evolve(
-    CARTPOLE,
+    CARTPOLE.published,
     name="mine",
     algorithms={
         f"{label}-{name}": evolve(base, covariance=name)
         for name in ("low-rank", "adam")
         for label, base in (
-            ("GVT", CARTPOLE_GVT),
-            ("2-MGVT", evolve(CARTPOLE_MGVT, components=2)),
+            ("GVT", GVT),
+            ("2-MGVT", evolve(MGVT, components=2)),
         )
     },
     runs=2,

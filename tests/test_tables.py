@@ -14,7 +14,8 @@ from attrs import frozen
 from xarray import Dataset
 
 from vtlib import tables
-from vtlib.claims import NOT, PARTLY, REPRODUCED, Claim
+from vtlib.claims import NOT, REPRODUCED, STRONGER, UNDECIDED, Claim
+from vtlib.costs import Cost
 from vtlib.rng import generator
 from vtlib.stats import Interval, bootstrap_interval, improvement_interval, mean_interval
 from vtlib.tables import NO_BREAK
@@ -53,23 +54,88 @@ def test_a_table_holds_its_cells_and_escapes_them():
     assert set(re.findall(r"<\w+", html)) == {"<table", "<thead", "<tbody", "<tr", "<th", "<td"}
 
 
-def test_claims_are_told_with_their_verdicts_and_on_the_scorecard_with_their_tests():
-    claims = [Claim(f"{HOSTILE} {v}", v, "0.1 & 2", "Is <it>.") for v in (REPRODUCED, PARTLY, NOT)]
-    plain = tables.claims_table(claims)
-    expected = [[c.text, c.verdict, c.evidence] for c in claims]
-    assert rows_of(plain) == [["Claim", "Verdict", "Numbers"], *expected]
-    card = tables.scorecard_table(
-        {"rooms": ("Rooms & all", claims[:2]), "maze": ("Maze", claims[2:])}
-    )
-    _, rooms, one, _, maze, _ = rows_of(card)
+IN, OUT, ACROSS = Interval(0.5, 0.4, 0.6), Interval(1.5, 1.4, 1.6), Interval(0.95, 0.8, 1.1)
+HEAD = ["Claim, and the number that decides", "As published", "By the equations", "Published curve"]
+
+
+def test_claims_are_told_with_what_decides_about_them():
+    found = {"published": IN, "equations": OUT}
+    claim = Claim(f"{HOSTILE} holds.", "<it> & all", found, ACROSS, high=1.0)
+    mine = Claim("Mine.", "n", {"published": ACROSS}, None, low=0.0, high=1.0, ours=True)
+    plain = tables.claims_table([claim, mine])
+    card = tables.scorecard_table({"rooms": ("Rooms & all", [claim]), "maze": ("Maze", [mine])})
+    head, first, second = rows_of(plain)
+    assert head == HEAD
+    assert first == [
+        f"{HOSTILE} holds.<br><small><it> & all: at most 1</small>",
+        f"{REPRODUCED}<br><small>0.50 (0.40 to 0.60)</small>",
+        f"{NOT}<br><small>1.50 (1.40 to 1.60)</small>",
+        "<small>0.95 (0.80 to 1.10)</small>",
+    ]
+    # what was not measured in a protocol, or never published, stays empty
+    assert second == [
+        "Mine. <em>(a claim of this book's)</em><br><small>n: 0 to 1</small>",
+        f"{UNDECIDED}<br><small>0.95 (0.80 to 1.10)</small>",
+        "",
+        "<small></small>",
+    ]
+    _, rooms, one, maze, other = rows_of(card)
     assert rooms == ["<a href='rooms.html#the-claims'>Rooms & all</a>"]
     assert maze == ["<a href='maze.html#the-claims'>Maze</a>"]
-    assert one == [f"{claims[0].text}<br><small>Is <it>.</small>", *expected[0][1:]]
+    assert [one, other] == [first, second]
+    assert "colspan='4'" in card
     for html in (plain, card):
         assert "<script" not in html
         assert "<it" not in html
         classes = re.findall(r"class='([^']*)'", html)
-        assert classes == ["claims", "verdict reproduced", "verdict partly", "verdict not"]
+        assert classes == ["claims", "verdict reproduced", "verdict not", "verdict undecided"]
+
+
+def test_the_tally_counts_the_thesis_own_claims_of_a_protocol():
+    bounds = {"low": 0.0, "high": 1.0, "stronger": "high"}
+    claims = [
+        Claim("", "", {"published": one, "equations": other}, None, **bounds)
+        for one, other in ((IN, IN), (IN, OUT), (ACROSS, OUT))
+    ]
+    claims.append(Claim("", "", {"published": Interval(-2, -3, -1)}, None, **bounds))
+    claims.append(Claim("", "", {"published": IN, "equations": IN}, None, ours=True))
+    assert tables.tally(claims, "published") == {
+        REPRODUCED: 2,
+        STRONGER: 0,
+        UNDECIDED: 1,
+        NOT: 1,
+    }
+    assert tables.tally(claims, "equations") == {REPRODUCED: 1, STRONGER: 2, UNDECIDED: 0, NOT: 0}
+
+
+class Compared:
+    """What the table of overlaps reads of a figure."""
+
+    printed: Mapping[str, None] = MappingProxyType({"GVT": None, "NT": None})
+
+    def overlap(self, protocol: str, label: str, kind: str) -> float:
+        return 0.1 * len(label) + (kind == "greedy") / 100 + (protocol == "equations") / 2
+
+
+def test_overlaps_have_a_row_for_each_published_curve():
+    head, *rows = rows_of(tables.overlap_table({"A & B": Compared()}))
+    assert head == ["figure", "algorithm", "return", "As published", "By the equations"]
+    assert rows == [
+        ["A & B", "GVT", "learning", "30%", "80%"],
+        ["A & B", "GVT", "greedy", "31%", "81%"],
+        ["A & B", "NT", "learning", "20%", "70%"],
+        ["A & B", "NT", "greedy", "21%", "71%"],
+    ]
+
+
+def test_what_sources_cost_is_told_with_what_they_save():
+    steps = np.array([1_000.0, 2_000.0]), np.array([4_000.0, 5_000.0])
+    pays = Cost(200_000.0, *steps, Interval(3_000.0, -1.0, 6_001.0), 1, 2)
+    never = pays._replace(saved=Interval(-5.0, -6.0, -4.0))
+    _, first, second = rows_of(tables.cost_of_sources_table({"A": pays, "B": never}))
+    told = "3,000 (-1 to 6,001)"
+    assert first == ["A", "200,000", "1,500", "4,500", told, "1 of 2; without 2", "67"]
+    assert second[4:] == ["-5 (-6 to -4)", "1 of 2; without 2", "never"]
 
 
 def test_settings_have_a_column_for_each_distinct_one_and_gaps_where_a_parameter_is_missing():

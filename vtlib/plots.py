@@ -32,7 +32,7 @@ COLOURS = {
     "1-MGVT": "#D55E00",
     "2-MGVT": "#CC79A7",
     "3-MGVT": "#009E73",
-    "fine-tuned": "#B8860B",
+    "fine-tuned": "#6c4824",
     "fine-tuned, greedy": "#E69F00",
     "fine-tuned mean": "#56B4E9",
 }
@@ -46,8 +46,9 @@ STYLES: dict[str, LineStyleType] = {
     "GVT": (0, (5, 1.5)),
     "2-MGVT": "-.",
     "3-MGVT": (0, (6, 1, 1, 1)),
-    "fine-tuned": (0, (1, 1)),
-    "fine-tuned mean": (0, (4, 1)),
+    "fine-tuned": (0, (2, 1)),
+    "fine-tuned, greedy": (0, (2, 1, 1, 1)),
+    "fine-tuned mean": (0, (8, 2)),
 }
 STYLE: dict[Any, Any] = {  # by matplotlib's names of its settings
     "figure.facecolor": "white",

@@ -6,6 +6,7 @@ import gymnasium
 import numpy as np
 import pytest
 import torch
+from attrs import evolve
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from torch import Tensor
@@ -107,8 +108,9 @@ def test_the_best_return_is_that_of_a_hundred_steps_and_whole_episodes_balance()
 @few
 def test_a_transition_of_a_car_is_gymnasiums(seed: int, standard: bool) -> None:
     rng = np.random.default_rng(seed)
-    family = MountainCarFamily()
-    tasks = MountainCar.of(COUNT, speed=0.001) if standard else family.sample(rng, COUNT)
+    last = float(rng.choice([0.0, -0.25, -1.0]))
+    tasks = MountainCarFamily(last_reward=last).sample(rng, COUNT)
+    tasks = evolve(tasks, speed=torch.full((COUNT,), 0.001)) if standard else tasks
     state, action = cars(rng), torch.tensor(rng.integers(3, size=COUNT))
     reached, reward, terminated = tasks.step(state, action, none(COUNT))
     env = gymnasium.make("MountainCar-v0").unwrapped
@@ -121,7 +123,7 @@ def test_a_transition_of_a_car_is_gymnasiums(seed: int, standard: bool) -> None:
             np.testing.assert_allclose(reached[row], expected, rtol=0, atol=ROUNDING)
         if abs(expected[0] - 0.5) > ROUNDING:
             assert bool(terminated[row]) == ends
-        assert reward[row] == (0 if terminated[row] else -1)
+        assert reward[row] == (last if terminated[row] else -1)
 
 
 def test_reaching_the_goal_is_the_one_step_without_a_cost() -> None:
@@ -139,3 +141,23 @@ def test_cars_start_at_rest_left_of_zero() -> None:
     start = tasks.start(torch.tensor([[0.0], [0.5], [1.0]]))
     torch.testing.assert_close(start, torch.tensor([[-0.9, 0.0], [-0.45, 0.0], [0.0, 0.0]]))
     assert torch.equal(tasks.observe(start), start)
+
+
+@pytest.mark.parametrize("last", [0.5, -1.5, float("nan"), None, True])
+def test_a_last_reward_that_would_not_be_a_cost_of_one_step_is_refused(last: object) -> None:
+    for make in (
+        MountainCarFamily,
+        lambda last_reward: MountainCar(torch.full((3,), 0.001), last_reward),
+    ):
+        with pytest.raises(ValueError, match=r"last_reward must lie in \[-1, 0\], got"):
+            make(last_reward=last)  # type: ignore[operator]
+
+
+def test_the_last_reward_is_told_to_the_kernel_and_only_alike_ones_join() -> None:
+    family = MountainCarFamily(last_reward=-1.0)
+    tasks = family.draw_tasks("t", [0, 1])
+    expected = [[float(speed), -1.0] for speed in tasks.speed]
+    assert [family.kernel_parameters(tasks, row) for row in (0, 1)] == expected
+    assert torch.equal(tasks.speed, MountainCarFamily().draw_tasks("t", [0, 1]).speed)
+    with pytest.raises(ValueError, match="must have the same last_reward"):
+        family.join([tasks, MountainCarFamily().draw_tasks("t", [0])])

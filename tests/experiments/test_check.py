@@ -28,7 +28,8 @@ from vtlib.experiments.rooms import ROOMS_EVALUATION, THREE_ROOMS
 from vtlib.native import runs
 from vtlib.priors import MixturePrior
 
-STORED, NOTE = store.stored(CARTPOLE, "DDQN")
+CART, ROOMS = CARTPOLE.published, ROOMS_EVALUATION.published
+STORED, NOTE = store.stored(CART, "DDQN")
 
 
 def rewrite(owner, label, root, **change):
@@ -115,8 +116,8 @@ def with_differing(
 @pytest.mark.parametrize("differ", [{3}, {3, 5}, set(range(20))])
 def test_on_the_same_processor_every_run_counts(monkeypatch, differ):
     asked = with_differing(monkeypatch, differ, NOTE["machine"]["processor"])
-    assert check_heads(CARTPOLE, "DDQN") == (sorted(differ), [])
-    assert check_heads(CARTPOLE, "DDQN", members=[3, 19]) == (sorted(differ & {3, 19}), [])
+    assert check_heads(CART, "DDQN") == (sorted(differ), [])
+    assert check_heads(CART, "DDQN", members=[3, 19]) == (sorted(differ & {3, 19}), [])
     assert asked == [list(range(20)), [3, 19]]
 
 
@@ -130,7 +131,7 @@ def test_a_provenance_that_names_no_processor_excuses_nothing(monkeypatch, machi
         return arrays, {**note, "machine": machine}
 
     monkeypatch.setattr(store, "stored", unnamed)
-    assert check_heads(CARTPOLE, "DDQN") == ([3], [])
+    assert check_heads(CART, "DDQN") == ([3], [])
 
 
 @pytest.mark.parametrize(
@@ -150,7 +151,7 @@ def test_on_another_processor_a_few_among_many_are_rounding(
     monkeypatch, differ, members, wrong, parted
 ):
     asked = with_differing(monkeypatch, differ, "of another kind")
-    assert check_heads(CARTPOLE, "DDQN", members=members) == (wrong, parted)
+    assert check_heads(CART, "DDQN", members=members) == (wrong, parted)
     looked_at = [one for runs in asked for one in runs]
     assert len(looked_at) == len(set(looked_at))
     differ = differ & set(members if members is not None else range(20))
@@ -160,11 +161,11 @@ def test_on_another_processor_a_few_among_many_are_rounding(
 @pytest.mark.parametrize("members", [None, [3], [3, 4]])
 def test_a_first_iteration_that_differs_is_no_rounding(monkeypatch, members):
     with_differing(monkeypatch, {3}, "of another kind", start=0)
-    assert check_heads(CARTPOLE, "DDQN", members=members) == ([3], [])
-    assert "does NOT have" in live_check(CARTPOLE, "DDQN", 3)
-    assert live_check(CARTPOLE, "DDQN", 4).endswith("has the stored fingerprints.")
+    assert check_heads(CART, "DDQN", members=members) == ([3], [])
+    assert "does NOT have" in live_check(CART, "DDQN", 3)
+    assert live_check(CART, "DDQN", 4).endswith("has the stored fingerprints.")
     with_differing(monkeypatch, {3}, "of another kind")
-    assert "has the stored fingerprints until rounding" in live_check(CARTPOLE, "DDQN", 3)
+    assert "has the stored fingerprints until rounding" in live_check(CART, "DDQN", 3)
 
 
 # --- deliberate faults ---------------------------------------------------------------------------
@@ -209,14 +210,14 @@ def leaking_wall(monkeypatch) -> None:
 def test_a_fault_is_caught(fault: Callable, monkeypatch):
     monkeypatch.setattr(run, "prepare_natively", lambda *_: None)
     fault(monkeypatch)
-    wrong = check_heads(ROOMS_EVALUATION, "1-MGVT", members=[7]).wrong
+    wrong = check_heads(ROOMS, "1-MGVT", members=[7]).wrong
     assert wrong == ([] if fault.__name__ == "<lambda>" else [7])
 
 
 def test_a_fault_in_the_kernels_is_caught(monkeypatch):
-    assert check_heads(ROOMS_EVALUATION, "1-MGVT", members=[7]).wrong == []
+    assert check_heads(ROOMS, "1-MGVT", members=[7]).wrong == []
     monkeypatch.setattr(runs.NativeRun, "_numbers", shifted(runs.NativeRun._numbers))
-    assert check_heads(ROOMS_EVALUATION, "1-MGVT", members=[7]).wrong == [7]
+    assert check_heads(ROOMS, "1-MGVT", members=[7]).wrong == [7]
 
 
 def shifted(real: Callable) -> Callable:

@@ -51,6 +51,7 @@ EXPERIMENT = {
     "visits": NO_BOOL,
     "excluded": [None, 1, [1], (3,), (-1,), (1.0,), (True,), (0,)],  # too few would be left
     "probes": [-1, 1.0, True, None, 5],  # 5 only where all transfer
+    "each": NO_BOOL,
 }
 
 

@@ -16,6 +16,7 @@ from vtlib.experiments.run import prepare, run_batch, targets
 from vtlib.td import mellowmax
 
 Q = RoomsFamily(rooms=2).q()
+COVERED = {"inside": (2, 2, 2, len(LEVELS)), "off": (2, 2, 2), "truth": (2, 2), "apart": (2, 2)}
 WEIGHTS = np.random.default_rng(0).standard_normal((3, Q.d)).astype(np.float32)
 
 
@@ -51,7 +52,7 @@ def scaled(agent, factor):
 @pytest.mark.parametrize("label", ["2-MGVT", "GVT"])
 def test_looking_disturbs_nothing(rooms, poles, weights, label):
     for experiment, pool, seen in (
-        (rooms, WEIGHTS, {"inside": (2, 2, 2, len(LEVELS)), "off": (2, 2, 2), "truth": (2, 2)}),
+        (rooms, WEIGHTS, COVERED),
         (poles, weights[:3], dict.fromkeys(("value", "spread", "step"), (2, 2))),
     ):
         arrays = run_batch(experiment, label, [0, 2], pool)
@@ -97,6 +98,21 @@ def test_the_error_is_that_of_the_posteriors_mean(rooms):
     for which in range(2):
         expected = (chosen - probe._truths[which]).mean(-1)
         np.testing.assert_allclose(probe.arrays["off"][:, 0, which], expected, atol=1e-4)
+
+
+def test_components_are_as_far_apart_as_their_values_deviate(rooms):
+    agent = prepare(rooms, "2-MGVT", [0, 1], WEIGHTS).agent
+    probe = CoverageProbe(rooms, "2-MGVT", [0, 1], targets(rooms, [0, 1]))
+    probe.look(agent)
+    for row, weights in enumerate(agent.mu.detach()):
+        values = [Q.q(one[None, None], Q.prepare(probe._obs[row][None]))[0, 0] for one in weights]
+        chosen = np.stack([v.gather(0, probe._action[row][None])[0].numpy() for v in values])
+        # of two numbers: half their distance
+        expected = np.abs(chosen[0] - chosen[1]).mean() / 2
+        assert probe.arrays["apart"][row, 0] == pytest.approx(expected, rel=1e-4)
+    alone = CoverageProbe(rooms, "GVT", [0, 1], targets(rooms, [0, 1]))
+    alone.look(prepare(rooms, "GVT", [0, 1], WEIGHTS).agent)
+    assert (alone.arrays["apart"] == 0).all()
 
 
 def test_spread_scales_with_the_factor_and_steps_with_their_size(poles, weights):

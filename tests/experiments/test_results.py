@@ -15,7 +15,12 @@ RESULTS = {
 }
 DRAWN = 6
 # not all sources are solved
-SHORT = {"cartpole-sources-ddqn-separate", "mountain-car-sources"}
+SHORT = {
+    "cartpole-sources",
+    "cartpole-sources-ddqn-separate",
+    "cartpole-sources-mellow-separate",
+    "mountain-car-sources",
+}
 CORNER = "rooms-3-corner-sources"  # meant to show what is lost: most were never rewarded
 
 

@@ -7,7 +7,18 @@ import pytest
 import torch
 from attrs import evolve
 
-from vtlib.experiments.run import chosen_sources, head, prepare, run_batch, targets, task_table
+from vtlib.baselines import FineTuning
+from vtlib.evaluation import Evaluation
+from vtlib.experiments.run import (
+    chosen_sources,
+    head,
+    prepare,
+    run_batch,
+    targets,
+    task_table,
+    zero_shot,
+)
+from vtlib.rng import Rng
 from vtlib.training import FINGERPRINTS
 
 # float32 sums round differently in batches of another size.
@@ -81,6 +92,66 @@ def test_fewer_sources_lead_elsewhere_and_the_rest_is_the_same(shared, weights):
     told = run_batch(evolve(shared, counts={"few": 8}), "few", [0, 1], weights)
     for key, values in told.items():
         np.testing.assert_array_equal(values, every[key])
+
+
+@pytest.mark.parametrize("start", ["one", "mean"])
+def test_fine_tuning_begins_with_each_runs_sources(tiny, weights, start):
+    tuned = evolve(tiny, algorithms={"tuned": FineTuning(tiny.algorithms["DDQN"], start)})
+    given = weights[:3][chosen_sources(tuned, [0, 2])]
+    expected = given[:, 0] if start == "one" else given.mean(1)
+    agent = prepare(tuned, "tuned", [0, 2], weights[:3]).agent
+    np.testing.assert_allclose(agent.mu[:, 0], expected, rtol=1e-6)
+
+
+def pushing(action: int, sure: float) -> np.ndarray:
+    """Weights of a cartpole's Q-function that has one value for an action and none for another."""
+    w = np.zeros(226, dtype=np.float32)
+    w[226 - 2 + action] = sure
+    return w
+
+
+def test_the_greedy_return_of_a_mixture_is_of_its_mean_or_of_each_component(tiny):
+    # one component falls to the left, the other to the right, and so does their mean
+    pool, pair = np.stack([pushing(0, 1.0), pushing(1, 2.0)]), evolve(tiny.pool, count=2)
+    either = [evolve(tiny, each=each, pool=pair, iterations=20) for each in (False, True)]
+    mean, each = (run_batch(one, "2-MGVT", [0, 2], pool) for one in either)
+    for key in mean:
+        assert np.array_equal(mean[key], each[key]) == (key != "greedy"), key
+    np.testing.assert_array_equal(
+        *(run_batch(one, "GVT", [0, 2], pool)["greedy"] for one in either)
+    )
+
+
+def test_what_sources_earn_at_once_is_by_the_best_of_them_at_each_step(tiny, weights):
+    # two sources that each know one action: the surer of both acts
+    pool = np.stack([pushing(0, 1.0), pushing(1, 2.0), pushing(1, 0.5)])
+    found = zero_shot(tiny, pool, episodes=30)
+    runs = range(tiny.runs)
+
+    def played(row: int, chosen: np.ndarray) -> float:
+        rng = Rng(f"{tiny.stream} zero-shot", runs)
+        evaluate = Evaluation(tiny.family.q(), targets(tiny, runs), rng, 30)
+        return float(evaluate(torch.from_numpy(np.stack([chosen] * len(runs)))[:, None])[row])
+
+    for row, sources in enumerate(chosen_sources(tiny, runs)):
+        surest = max(sources, key=lambda source: np.abs(pool[source]).max())
+        assert found[row] == pytest.approx(played(row, pool[surest]), rel=1e-6)
+    with pytest.raises(ValueError, match="weights of tiny-pool must"):
+        zero_shot(tiny, pool[:2])
+
+
+def test_sources_that_complete_each_other_earn_more_together_than_either(tiny):
+    # each sees a pole that falls to its own side, and else nothing; together they balance it
+    falls = np.zeros((3, 226), dtype=np.float32)
+    for source, side in enumerate((-1.0, 1.0, -1.0)):
+        hidden = falls[source, : 5 * 32].reshape(-1)
+        hidden[[2, 3]] = 10 * side, 5 * side  # angle and its velocity, into the first unit
+        falls[source, 5 * 32 + 32 * (side > 0)] = 1.0
+        falls[source, 225] = 1e-3 * (side > 0)  # what either does where it sees nothing
+    pair = evolve(tiny, pool=evolve(tiny.pool, count=2))
+    together = zero_shot(pair, falls[:2])
+    alone = [zero_shot(evolve(pair, sources=1, excluded=(i,)), falls[:2]) for i in (0, 1)]
+    assert (together > 5 + np.max(alone, 0)).all()
 
 
 def test_visits_are_kept_where_they_are_asked_for_and_disturb_nothing(tiny, weights):

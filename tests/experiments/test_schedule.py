@@ -141,7 +141,7 @@ def test_the_bar_never_goes_back_and_ends_with_the_last_unit(tiny):
 
 def test_the_time_of_a_unit_is_expected_as_it_was_for_the_stored_runs(tiny):
     note = store.provenance(store.results_folder() / "rooms-evaluation" / "GVT")
-    units = [u for u in units_of(ROOMS_EVALUATION) if u.label == "GVT"]
+    units = [u for u in units_of(ROOMS_EVALUATION.published) if u.label == "GVT"]
     assert sum(u.expected_seconds for u in units) == pytest.approx(note["seconds"])
     assert units_of(tiny.pool)[0].expected_seconds > 0
 
@@ -200,9 +200,10 @@ from vtlib.experiments import EXPERIMENTS, schedule
 from vtlib.experiments.cartpole import CARTPOLE
 from vtlib.__main__ import main
 
-some = {label: CARTPOLE.algorithms[label] for label in ("GVT", "DDQN")}
+CARTS = CARTPOLE.published
+some = {label: CARTS.algorithms[label] for label in ("GVT", "DDQN")}
 size = {"runs": 3, "iterations": int(sys.argv[2])}
-EXPERIMENTS["tiny"] = evolve(CARTPOLE, name="tiny", algorithms=some, **size)
+EXPERIMENTS["tiny"] = evolve(CARTS, name="tiny", algorithms=some, **size)
 schedule.BATCH = 1
 if __name__ == "__main__":
     sys.exit(main(["run", "tiny", "--jobs", "2", "--results", sys.argv[1]]))
@@ -275,8 +276,8 @@ def test_killed_again_and_again_the_same_command_leaves_the_same_files(tmp_path)
     out, err = last.process.communicate()
     assert (last.process.returncode, out) == (0, f"tiny is complete under {root}\n"), err
     assert "Traceback" not in err
-    undisturbed = evolve(CARTPOLE, name="tiny", runs=3, iterations=iterations)
-    weights = store.weights(CARTPOLE.pool)
+    undisturbed = evolve(CARTPOLE.published, name="tiny", runs=3, iterations=iterations)
+    weights = store.weights(CARTPOLE.published.pool)
     for label in ("GVT", "DDQN"):
         each = [run_batch(undisturbed, label, [one], weights) for one in range(3)]
         found, _ = store.read(root / "tiny" / label)

@@ -30,10 +30,16 @@ def pool(tiny):
 
 
 class Script:
-    """Greedy returns (checks, S) given beforehand, and the weights they were given for."""
+    """Greedy returns (checks, S) given beforehand, and the weights they were given for.
 
-    def __init__(self, returns: Sequence[Sequence[float]]) -> None:
-        self._returns, self.seen = torch.tensor(returns), []
+    What passes a check is played again: then it earns the same, unless `again` has for that check
+    another return for a source.
+    """
+
+    def __init__(
+        self, returns: Sequence[Sequence[float]], again: dict[tuple[int, int], float]
+    ) -> None:
+        self._returns, self._again, self.seen = torch.tensor(returns), again, []
         self.left = list(range(len(returns[0])))
 
     def keep(self, rows: Sequence[int]) -> None:
@@ -41,8 +47,25 @@ class Script:
 
     def episodes(self, mu: Tensor) -> Tensor:
         """Of the sources that are left; what was seen is kept by their first places."""
-        self.seen.append(dict(zip(self.left, mu[:, 0].detach().numpy().copy(), strict=True)))
-        return self._returns[len(self.seen) - 1, self.left].unsqueeze(1)
+        own = dict(zip(self.left, mu[:, 0].detach().numpy().copy(), strict=True))
+        check = len(self.seen)
+        if self.seen and all(np.array_equal(self.seen[-1].get(k), w) for k, w in own.items()):
+            given = self._returns[check - 1].clone()
+            for source in self.left:
+                given[source] = self._again.get((check - 1, source), given[source])
+        else:
+            self.seen.append(own)
+            given = self._returns[check]
+        return given[self.left].unsqueeze(1)
+
+
+class Judge:
+    """What all sources earn in the end: two episodes around the half."""
+
+    def episodes(self, mu: Tensor) -> Tensor:
+        assert mu.shape[1] == 1
+        self.mu = mu[:, 0]
+        return torch.tensor([0.4, 0.6]).repeat(len(mu), 1)
 
 
 @pytest.fixture
@@ -58,18 +81,31 @@ def scripted(monkeypatch, pool):
         CartpoleFamily, "solved", lambda _, returns, best, share: returns.mean(1) >= share * best
     )
 
-    def run(*returns: Sequence[Sequence[float]], **changes: object):
-        scripts, asked = [Script(one) for one in returns], []
+    def run(
+        *returns: Sequence[Sequence[float]],
+        again: dict[tuple[int, int], float] | None = None,
+        **changes: object,
+    ):
+        scripts, asked, judge = [Script(one, again or {}) for one in returns], [], Judge()
         waiting, training = iter(scripts), SourceTraining
 
         def begin(pool: Pool, members: Sequence[int], attempt: int) -> SourceTraining:
             asked.append((attempt, list(members)))
             return training(pool, members, attempt)
 
-        monkeypatch.setattr(sources, "Evaluation", lambda *_: next(waiting))
+        def evaluation(q: object, tasks: object, rng: object, episodes: int) -> Script | Judge:
+            return judge if episodes == sources.FRESH else next(waiting)
+
+        monkeypatch.setattr(sources, "Evaluation", evaluation)
         monkeypatch.setattr(sources, "SourceTraining", begin)
-        changed = evolve(pool, required=0.9, attempts=len(returns), **changes)
-        return solve(changed, range(len(returns[0][0]))), scripts, asked
+        arrays = solve(
+            evolve(pool, **{"required": 0.9, "attempts": len(returns), **changes}),
+            range(len(returns[0][0])),
+        )
+        # the last word is on the weights that are kept
+        np.testing.assert_array_equal(judge.mu, arrays["weights"])
+        np.testing.assert_allclose(arrays["fresh"], 0.5)
+        return arrays, scripts, asked
 
     return run
 
@@ -81,12 +117,12 @@ def test_solving_returns_an_array_of_everything_over_the_sources(pool):
     np.testing.assert_array_equal(again, arrays["fingerprints"])  # those of the first attempt
     shapes = {
         **dict.fromkeys(("index", "cart_mass", "pole_mass", "half_length"), (2,)),
-        **dict.fromkeys(("iterations", "greedy", "optimum", "solved"), (2,)),
+        **dict.fromkeys(("iterations", "greedy", "optimum", "solved", "fresh", "passes"), (2,)),
         "weights": (2, pool.family.q().d),
         "fingerprints": (2, 3, 4),
     }
     assert {key: array.shape for key, array in arrays.items()} == shapes
-    assert arrays["solved"].dtype == bool
+    assert arrays["solved"].dtype == arrays["passes"].dtype == bool
     assert list(arrays["index"]) == [2, 0]
     np.testing.assert_array_equal(arrays["cart_mass"], pool_tasks(pool, [2, 0]).cart_mass)
     # not trained long enough to balance, so checked until the limit
@@ -106,6 +142,43 @@ def test_a_source_keeps_the_weights_of_the_check_that_solved_it(scripted):
         np.testing.assert_array_equal(arrays["weights"][source], script.seen[check][source])
     assert script.seen[1].keys() == {1, 2}, "a solved source is trained on"
     assert not np.array_equal(script.seen[0][1], script.seen[1][1]), "no training between checks"
+
+
+def test_a_check_that_is_passed_by_luck_ends_nothing(scripted):
+    # both pass at once, the first by luck alone; and again at the second check
+    arrays, (script,), _ = scripted(
+        [[0.8, 0.75], [0.79, 0.0], [0.76, 0.0], [0.0, 0.0]],
+        again={(0, 0): 0.3, (0, 1): 0.78, (1, 0): 0.71, (2, 0): 0.74},
+    )
+    assert arrays["solved"].all()
+    assert list(arrays["iterations"]) == [230, 210]
+    # what is told of a solved source is what it earned when chance had no part in choosing it
+    np.testing.assert_allclose(arrays["greedy"], [0.74, 0.78])
+    np.testing.assert_array_equal(arrays["weights"][0], script.seen[2][0])
+    assert script.seen[1].keys() == {0}
+
+
+def test_a_source_that_is_lucky_at_every_check_is_not_solved(scripted):
+    again = dict.fromkeys([(check, 0) for check in range(4)], 0.1)
+    arrays, (script,), _ = scripted([[0.8], [0.75], [0.8], [0.8]], again=again)
+    assert len(script.seen) == 4
+    assert not arrays["solved"].any()
+
+
+def test_solved_sources_are_judged_on_episodes_that_decided_nothing(scripted):
+    returns = [[0.8, 0.1]] + [[0.1, 0.1]] * 3
+    for required, passes in ((0.9, False), (0.6, True)):
+        arrays, *_ = scripted(returns, required=required)
+        assert list(arrays["solved"]) == [True, False]
+        assert list(arrays["passes"]) == [passes, passes]
+
+
+def test_fresh_episodes_are_each_sources_own(pool):
+    together = solve(pool, [0, 1, 2])
+    assert len(set(together["fresh"].tolist())) == 3
+    np.testing.assert_allclose(solve(pool, [2])["fresh"], together["fresh"][2:], **ROUNDING)
+    # no return of few episodes is that of many
+    assert not np.isclose(together["fresh"], together["greedy"]).any()
 
 
 def test_an_unsolved_source_keeps_the_best_that_any_check_saw(scripted):

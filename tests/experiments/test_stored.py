@@ -30,7 +30,14 @@ def test_a_configuration_is_written_out_and_holds_what_the_result_depends_on(tin
     assert runs["algorithm"]["minibatch"] == 5
     assert runs["algorithm"]["patience"] == 0
     tasks = store.config_of(tiny, "tasks")
-    assert tasks.keys() == set(runs) - {"algorithm", "iterations", "every", "visits", "probes"}
+    assert tasks.keys() == set(runs) - {
+        "algorithm",
+        "iterations",
+        "every",
+        "visits",
+        "probes",
+        "each",
+    }
     pool = store.config_of(tiny.pool, "sources")
     assert (pool["stream"], pool["settings"]["epsilon_steps"]) == ("tiny-pool", 100)
     json.dumps([runs, tasks, pool])

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from attrs import frozen
@@ -9,13 +11,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from vtlib import native
-from vtlib.baselines import DDQNSettings, MellowTDSettings
+from vtlib.baselines import DDQNSettings, FineTuning, MellowTDSettings
 from vtlib.envs.base import TaskFamily
 from vtlib.envs.cartpole import CartpoleFamily
 from vtlib.envs.episodes import Episodes
 from vtlib.envs.maze import MazeFamily
 from vtlib.envs.mountain_car import MountainCarFamily
 from vtlib.envs.rooms import RoomsFamily
+from vtlib.experiments.protocols import as_published
 from vtlib.native.runs import NativeRun, supports, train_natively
 from vtlib.rng import Rng
 from vtlib.training import Agent, Diverged, fingerprint, iterate
@@ -24,14 +27,16 @@ from vtlib.transfer import Settings
 ROOMS, CARTPOLE, CAR = RoomsFamily(), CartpoleFamily(), MountainCarFamily()
 NETWORK = {"minibatch": 60, "n_samples": 5, "alpha_L": 1e-4, "lambda_": 1e-3}
 GVT, LEARNER = {"family": "gaussian"}, MellowTDSettings(epsilon_steps=100)
+STOPPING, LAST = RoomsFamily(stops=True), MountainCarFamily(last_reward=-1.0)
+GREEDY = MellowTDSettings(epsilon_steps=100, epsilon_start=0.3, epsilon_end=0.1)
 
 
 def both(
-    family: TaskFamily, algorithm: Settings | MellowTDSettings, run: int = 3, sources: int = 5
+    family: TaskFamily, algorithm: Any, run: int = 3, sources: int = 5
 ) -> tuple[NativeRun, Agent, Episodes]:
     """One run, in C++ and by the engine."""
     rng, d = Rng("native", [run]), family.q().d
-    scale = 0.3 if family is ROOMS else 1.0
+    scale = 0.3 if isinstance(family, RoomsFamily) else 1.0
     given = scale * rng.stream("sources").normal(sources * d).view(1, sources, d)
     given = given if algorithm.transfers else given[:, 0]
     tasks = family.draw_tasks("native", [run])
@@ -57,6 +62,26 @@ def both(
         pytest.param(CARTPOLE, LEARNER, id="cartpole, mellow TD"),
         pytest.param(CAR, Settings(**NETWORK), id="mountain car 1-MGVT"),
         pytest.param(CAR, Settings(psi=0.0, **GVT, **NETWORK), id="mountain car GVT, psi 0"),
+        pytest.param(ROOMS, as_published(Settings(**GVT, lambda_=1e-3)), id="rooms GVT published"),
+        pytest.param(ROOMS, Settings(**GVT, lambda_=0.1, kl_clip=0.5), id="rooms, tight KL clip"),
+        pytest.param(ROOMS, Settings(lambda_=0.1, kl_clip=0.5), id="rooms 1-MGVT, tight KL clip"),
+        pytest.param(ROOMS, as_published(Settings()), id="rooms 1-MGVT published"),
+        pytest.param(ROOMS, as_published(Settings(components=3)), id="rooms 3-MGVT published"),
+        pytest.param(STOPPING, Settings(components=3), id="rooms that stop, 3-MGVT"),
+        pytest.param(STOPPING, LEARNER, id="rooms that stop, mellow TD"),
+        pytest.param(ROOMS, FineTuning(LEARNER), id="rooms, fine-tuned"),
+        pytest.param(ROOMS, FineTuning(GREEDY, "mean"), id="rooms, fine-tuned mean, greedy"),
+        pytest.param(CARTPOLE, FineTuning(GREEDY), id="cartpole, fine-tuned"),
+        pytest.param(
+            CARTPOLE, as_published(Settings(**GVT, **NETWORK)), id="cartpole GVT published"
+        ),
+        pytest.param(
+            CARTPOLE,
+            as_published(Settings(components=3, **NETWORK)),
+            id="cartpole 3-MGVT published",
+        ),
+        pytest.param(LAST, as_published(Settings(**NETWORK)), id="car 1-MGVT published"),
+        pytest.param(LAST, as_published(Settings(**GVT, **NETWORK)), id="car GVT published"),
     ],
 )
 def test_a_run_in_cpp_is_the_engines(family, algorithm):
@@ -76,7 +101,7 @@ def test_a_run_in_cpp_is_the_engines(family, algorithm):
 
 @settings(max_examples=25, deadline=None)
 @given(
-    st.sampled_from([ROOMS, RoomsFamily(rooms=2, fixed_lower=5.0), CARTPOLE, CAR]),
+    st.sampled_from([ROOMS, RoomsFamily(2, fixed_lower=5.0), STOPPING, CARTPOLE, CAR, LAST]),
     st.fixed_dictionaries(
         {
             "components": st.integers(1, 3),
@@ -139,6 +164,7 @@ class Own(Settings):
         (MazeFamily(), Settings(), 5),
         (ROOMS, DDQNSettings(epsilon_steps=10), 5),
         (ROOMS, Own(), 5),
+        (ROOMS, FineTuning(DDQNSettings(epsilon_steps=10)), 5),
         (ROOMS, Settings(), 11),
         (ROOMS, Settings(components=4), 5),
         (ROOMS, Settings(n_samples=16), 5),

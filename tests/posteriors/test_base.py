@@ -45,7 +45,7 @@ class Slow:
         self.L = L.repeat(1, components, 1, 1)
         self.L.diagonal(dim1=2, dim2=3).clamp_(min=descent.sigma_min)
         self._free = eye if kind is Diagonal else torch.ones_like(eye).tril()
-        self.clipped = self.held = 0
+        self.clipped = self.held = self.pulled = 0
 
     def sample(self) -> Tensor:
         runs, components, d = self.mu.shape
@@ -58,6 +58,9 @@ class Slow:
         if self._descent.kl == "diagonal":
             diagonals = self._precision.diagonal(dim1=2, dim2=3), self.L.diagonal(dim1=2, dim2=3)
             pull = (diagonals[0] * diagonals[1] - 1 / diagonals[1]).diag_embed()
+        most = math.inf if self._descent.kl_clip is None else self._descent.kl_clip
+        self.pulled += int((self._free * pull.abs() > most).any())
+        pull = pull.clamp(-most, most)
         return self._free * (gradients.double().mT @ self.z[:, :, 1:] + kl_weight * pull)
 
     def step(self, gradients: Tensor, kl_weight: float) -> None:
@@ -107,6 +110,10 @@ def gradients(slow: Slow, scale: float, t: int) -> Tensor:
         (10, 0.1, Descent(ALPHA, 0.05, 0.02), "always", "any"),
         (8, 0.02, Descent(ALPHA, 1e-4, None, "diagonal"), "never", "never"),
         (9, 0.1, Descent(ALPHA, 0.35, 0.5, "diagonal"), "sometimes", "sometimes"),
+        (9, 0.02, Descent(ALPHA, 1e-4, 1000.0, "full", 0.2), "never", "never"),
+        (17, 0.05, Descent(ALPHA, 0.05, 1.0, "full", 0.05), "sometimes", "any"),
+        (40, 0.01, Descent(ALPHA, 1e-4, None, "full", 0.1), "never", "never"),
+        (10, 0.02, Descent(ALPHA, 1e-4, 1000.0, "diagonal", 0.2), "never", "never"),
     ],
 )
 def test_steps_equal_the_slow_update(kind, prior, d, scale, descent, clipped, held):
@@ -126,6 +133,32 @@ def test_steps_equal_the_slow_update(kind, prior, d, scale, descent, clipped, he
     for count, wanted in ((slow.clipped, clipped), (slow.held, held)):
         least, most = shares.get(wanted, (0, STEPS))
         assert least <= count <= most
+    assert (slow.pulled > STEPS / 20) == (descent.kl_clip is not None)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kl", ["full", "diagonal"])
+@pytest.mark.parametrize("weight", [1e-3, 0.1])
+def test_the_divergences_gradient_is_bounded_entry_by_entry_before_it_is_weighted(kind, kl, weight):
+    # a deviation of 1e-4, as of the first weights of GVT: the divergence asks for steps of 1e4
+    spread, precision = torch.tensor([3.0, -2.0, 0.005]).view(1, 3, 1), Precision(700.0)
+    start = Start(torch.zeros(1, 1, 3), 1e-8, None if kind is Diagonal else spread)
+    fast = kind(start, precision, Descent(ALPHA, 1e-4, None, kl, 100.0), noise(1), 2)
+    if kind is Diagonal:
+        fast._sigma.fill_(1e-4)
+    before, bound = fast.scale_tril.double()[0, 0], ALPHA * weight * 100
+    fast.sample()
+    fast.step(torch.zeros(1, 1, 1, 3), weight)
+    moved = fast.scale_tril.double()[0, 0] - before
+    expected = torch.full((3, 3), 0.0, dtype=torch.float64)
+    if kind is not Diagonal:  # whose first column is as large as the spread
+        if kl == "full":
+            expected[1, 0], expected[2, 0] = bound, -ALPHA * weight * 3.5
+        expected[0, 0] = -bound
+        expected[1, 1] = expected[2, 2] = bound
+    else:
+        expected = bound * torch.eye(3, dtype=torch.float64)
+    torch.testing.assert_close(moved, expected, rtol=0, atol=1e-3 * bound)
 
 
 @pytest.mark.parametrize("kind", KINDS)

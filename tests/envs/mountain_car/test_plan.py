@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 import torch
+from attrs import evolve
 from torch import Tensor
 
 from vtlib.envs import MountainCar, MountainCarFamily
@@ -52,6 +53,15 @@ def test_the_step_that_arrives_costs_nothing(plans):
     q = plans[0].q(states)
     torch.testing.assert_close(q[0], torch.zeros(3))
     assert (q[1] < -1).all()
+
+
+def test_a_last_step_that_costs_is_discounted_from_where_it_is_taken(monkeypatch):
+    monkeypatch.setattr(planner, "CELLS", (120, 90))
+    costly = evolve(TASKS, last_reward=-1.0)
+    free, paid = (MountainCarFamily().optimum(tasks) for tasks in (TASKS, costly))
+    # an episode of T steps at -1 each but the last earns g = -(1 - 0.99^(T - 1)) / 0.01: the T-th
+    # costs 0.99^(T - 1) = 1 + g / 100 more; T differs between starts, and the mean is linear
+    torch.testing.assert_close(free - paid, 1 + 0.01 * free, rtol=0, atol=0.02)
 
 
 def test_a_stronger_motor_earns_more(monkeypatch):

@@ -53,6 +53,16 @@ def test_the_planned_policy_earns_the_planned_value(doors: list[float], sweeps: 
     assert abs(mean - planned.value(ORIGIN).item()) < 4 * error + PLANNING_BIAS
 
 
+def test_plans_know_that_the_frontier_stops() -> None:
+    # along a door at the very side many steps aim beyond it
+    sliding = Rooms.from_doors([[0.5, 9.5]])
+    stopping = Rooms.from_doors([[0.5, 9.5]], stops=True)
+    planned = plan_rooms(stopping, 0)
+    mean, error = mean_and_error(rollout(stopping, torch.zeros(2000, 2), planned.greedy, seed=0))
+    assert abs(mean - planned.value(ORIGIN).item()) < 4 * error + PLANNING_BIAS
+    assert optimum(stopping).item() < optimum(sliding).item() - 0.02
+
+
 def test_the_planned_value_holds_from_any_start() -> None:
     task = Rooms.from_doors([[3.0, 6.0]], uniform_start=True)
     planned = plan_rooms(task, 0)

@@ -57,7 +57,7 @@ def outside_door(tasks: Rooms, row: int, wall: int, x: float) -> float:
     return abs(x - float(tasks.doors[row, wall])) - 0.5
 
 
-@settings(max_examples=40)
+@settings(max_examples=40, deadline=None)
 @given(seeds, rooms, noise_scales)
 def test_never_outside_and_never_through_a_wall(seed: int, rooms: int, scale: float) -> None:
     tasks, state = scene(seed, rooms, 60)
@@ -72,7 +72,7 @@ def test_never_outside_and_never_through_a_wall(seed: int, rooms: int, scale: fl
         state = reached
 
 
-@settings(max_examples=40)
+@settings(max_examples=40, deadline=None)
 @given(seeds, rooms, noise_scales)
 def test_an_agent_stays_only_where_a_wall_is_in_its_way(
     seed: int, rooms: int, scale: float
@@ -92,6 +92,52 @@ def test_an_agent_stays_only_where_a_wall_is_in_its_way(
             # Along a wall rounding moves the meeting point by more than it moves the agent.
             slack = ROUNDING * (1 + 20 / max(abs(proposed[1] - start[row, 1]), ROUNDING))
             assert any(outside_door(tasks, row, wall, x) > -slack for wall, x in met)
+
+
+@settings(max_examples=40, deadline=None)
+@given(seeds, rooms, noise_scales)
+def test_a_frontier_that_stops_leaves_the_position_unchanged(
+    seed: int, rooms: int, scale: float
+) -> None:
+    tasks, state = scene(seed, rooms, 90)
+    state[::3] = torch.where(state[::3] < 5, 0.3, 9.7)  # a third of a step from both sides
+    action, noise = draw(seed, 90, scale)
+    reached, reward, _ = evolve(tasks, stops=True).step(state, action, noise)
+    slid, _, _ = tasks.step(state, action, noise)
+    aimed = state.double().numpy() + MOVES[action] + 0.2 * noise.double().numpy()
+    for row in range(90):
+        beyond = any(x < 0 or x > 10 for x in aimed[row])
+        if np.abs(np.abs(aimed[row] - 5) - 5).min() > ROUNDING:
+            assert torch.equal(reached[row], state[row] if beyond else slid[row])
+    at_goal = (10 - reached.double()).norm(dim=1)
+    clear = (at_goal - 1).abs() > ROUNDING
+    assert torch.equal(reward[clear], (at_goal <= 1).float()[clear])
+
+
+@pytest.mark.parametrize(
+    ("state", "action", "noise", "slides"),
+    [
+        ((0.4, 1.0), 3, (0.0, 0.0), (0.0, 1.0)),
+        ((0.4, 1.0), 3, (0.0, 1.0), (0.0, 1.2)),
+        ((9.5, 1.0), 1, (0.0, 0.0), (10.0, 1.0)),
+        ((3.0, 0.1), 1, (0.0, -1.0), (4.0, 0.0)),
+        ((7.0, 9.5), 0, (0.0, 0.0), (7.0, 10.0)),
+    ],
+)
+def test_at_the_frontier_an_agent_slides_or_stops(state, action, noise, slides) -> None:
+    for stops, expected in ((False, slides), (True, state)):
+        tasks = Rooms.from_doors([[2.0, 7.0]], stops=stops)
+        step = torch.tensor([state]), torch.tensor([action]), torch.tensor([noise])
+        reached, _, terminated = tasks.step(*step)
+        torch.testing.assert_close(reached, torch.tensor([expected]))
+        assert not terminated
+
+
+def test_to_the_frontier_itself_an_agent_may_go() -> None:
+    tasks = Rooms.from_doors([[2.0, 7.0]], stops=True)
+    state, action = torch.tensor([[1.0, 1.0]]), torch.tensor([3])
+    reached, _, _ = tasks.step(state, action, torch.zeros(1, 2))
+    assert reached.tolist() == [[0.0, 1.0]]
 
 
 @pytest.mark.parametrize("toward", [0, 2])
@@ -129,7 +175,7 @@ def test_a_step_without_noise(state: tuple, action: int, expected: tuple) -> Non
 
 
 @given(seeds)
-@settings(max_examples=30)
+@settings(max_examples=30, deadline=None)
 def test_the_goal_ends_the_episode_with_reward_one_and_nothing_else_does(seed: int) -> None:
     tasks, state = scene(seed, 3, 60)
     state[::2] = 8 + 0.2 * state[::2]
@@ -155,6 +201,30 @@ def test_rooms_are_counted_from_the_bottom() -> None:
     heights = torch.cat([heights, torch.tensor([7.0, 10.0])])
     states = torch.stack([torch.ones(5), heights], 1)
     assert tasks.room(states).tolist() == [0, 0, 1, 2, 2]
+
+
+def test_a_ladder_has_the_targets_doors_go_through_its_places_and_sources_drawn() -> None:
+    family = RoomsFamily(2, ladder=19)
+    tasks = family.draw_tasks("t", [0, 1, 18, 19, 25])
+    np.testing.assert_allclose(tasks.doors[:, 0], [0.5, 1.0, 9.5, 0.5, 3.5], rtol=1e-6)
+    both = RoomsFamily(3, ladder=3).draw_tasks("t", [1, 2])
+    assert both.doors.tolist() == [[5.0, 5.0], [9.5, 9.5]]
+    drawn = family.source_tasks("t", range(3)).doors
+    assert torch.equal(drawn, RoomsFamily(2).draw_tasks("t", range(3)).doors)
+
+
+def test_all_tasks_of_a_family_stop_at_the_frontier_and_others_do_not_join_them() -> None:
+    stopping, sliding = (RoomsFamily(2, ladder=ladder, stops=True) for ladder in (0, 3))
+    for family in (stopping, sliding):
+        tasks = family.draw_tasks("t", range(3))
+        assert tasks.stops
+        assert family.source_tasks("t", range(3)).stops
+        assert family.for_sources(tasks).stops
+        assert family.kernel_parameters(tasks, 1)[2:] == [1, False, True]
+    free = RoomsFamily(2).draw_tasks("t", range(3))
+    assert torch.equal(free.doors, stopping.draw_tasks("t", range(3)).doors)
+    with pytest.raises(ValueError, match="must have the same stops"):
+        stopping.join([tasks, free])
 
 
 def test_the_other_families() -> None:
@@ -201,6 +271,8 @@ def test_bad_walls(walls: list[float]) -> None:
         ({"fixed_lower": float("nan")}, "fixed_lower must lie in"),
         ({"normal": (5.0, 0.0)}, "deviation in normal must be positive"),
         ({"normal": (float("nan"), 1.0)}, "mean in normal must lie in"),
+        ({"ladder": -1}, "ladder must be a whole number from 0"),
+        ({"stops": 1}, "stops must be of type bool"),
     ],
 )
 def test_bad_families(arguments: dict[str, object], message: str) -> None:
