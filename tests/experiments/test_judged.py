@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 from vtlib import visits
-from vtlib.claims import NOT, REPRODUCED, Claim
+from vtlib.claims import NOT, REPRODUCED, Claim, Runs
 from vtlib.experiments import judged, returns
-from vtlib.experiments.rooms import ROOMS_EXPLORATION
+from vtlib.experiments.rooms import ROOMS_EXPLORATION, ROOMS_SOURCES, count_name
 
 TESTS = Path(__file__).parents[1]
 BOOK = TESTS.parent / "book"
@@ -45,3 +45,10 @@ def test_stored_visits_gather_where_the_door_is_and_chance_hardly_arrives():
     assert gathers("NT", 5.0) == gathers("GVT", 8.0) == NOT
     # cut off before anyone can have come from corner to corner
     assert judged.arrives("GVT", visits.arrivals(seen["GVT"][:, :12])).verdict == NOT
+
+
+def test_the_number_of_sources_is_judged_by_the_runs_of_each_protocol():
+    claim = judged.rooms_number_of_sources()[0]
+    for protocol, experiment in ROOMS_SOURCES._asdict().items():
+        pair = [Runs(returns(experiment, count_name(x, 2))) for x in ("GVT", "1-MGVT")]
+        assert claim.found[protocol] == Runs.ratio(*pair, judged.SOURCES_AT[0])
