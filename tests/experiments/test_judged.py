@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from vtlib import visits
-from vtlib.claims import NOT, REPRODUCED, UNDECIDED, Claim
+from vtlib.claims import NOT, REPRODUCED, UNDECIDED, Claim, Runs
 from vtlib.experiments import judged, returns
-from vtlib.experiments.rooms import ROOMS_EXPLORATION
+from vtlib.experiments.rooms import ROOMS_EXPLORATION, ROOMS_SOURCES, count_name
 
 BOOK = Path(__file__).parents[2] / "book"
 
@@ -61,3 +61,10 @@ def test_stored_visits_gather_where_the_door_is_and_chance_hardly_arrives():
     assert visits.share_at_door(seen["GVT"], 8.0).mean() < even
     # cut off before anyone can have come from corner to corner
     assert not visits.arrivals(seen["GVT"][:, :12]).any()
+
+
+def test_the_number_of_sources_is_judged_by_the_runs_of_each_protocol():
+    claim = judged.rooms_number_of_sources()[0]
+    for protocol, experiment in ROOMS_SOURCES._asdict().items():
+        pair = [Runs(returns(experiment, count_name(x, 2))) for x in ("GVT", "1-MGVT")]
+        assert claim.found[protocol] == Runs.ratio(*pair, judged.SOURCES_AT[0])
