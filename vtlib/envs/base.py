@@ -196,7 +196,7 @@ class TaskFamily(ABC):
         return torch.from_numpy(self.scale * np.stack([g.standard_normal(d) for g in own])).float()
 
     def kernel_parameters(self, tasks: Any, row: int) -> list[float]:
-        """The numbers that tell a task apart for the kernel, at most four."""
+        """The numbers that tell a task apart for the kernel, at most five."""
         return [float(getattr(tasks, name)[row]) for name in self.parameters]
 
     def values(self, tasks: Any) -> dict[str, np.ndarray]:
