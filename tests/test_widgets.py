@@ -22,8 +22,9 @@ from vtlib.experiments.experiment import (
     Pool,
     slider_lambdas,
     slider_name,
+    sliders_of,
 )
-from vtlib.experiments.rooms import MGVT, ROOMS_SLIDERS
+from vtlib.experiments.rooms import MGVT
 from vtlib.plots import Curve
 from vtlib.training import Diverged
 from vtlib.widgets import Axis, LivePanel, parameter_axes, still_sliders
@@ -86,7 +87,7 @@ def test_the_parameters_cover_the_stored_grid_and_start_at_the_thesis_setting():
     assert [axis.options[axis.start][1] for axis in axes] == [MGVT.lambda_, MGVT.psi, 1]
     assert [text for text, _ in axes[0].options] == ["10⁻⁸", "10⁻⁷", "10⁻⁶", "10⁻⁵", "10⁻⁴"]
     assert {slider_name(*values) for values in itertools.product(*grid)} == {
-        *ROOMS_SLIDERS.algorithms
+        *sliders_of(TINY, "sliders", 2, 200).algorithms
     }
     for wrong in ({"psi": 0.3}, {"lambda_": 3e-4}):
         with pytest.raises(ValueError, match=f"{next(iter(wrong))} must be one of"):

@@ -9,7 +9,6 @@ from attrs import evolve
 
 from vtlib.experiments import rooms
 from vtlib.experiments.cartpole import CARTPOLE
-from vtlib.experiments.mountain_car import CAR
 from vtlib.experiments.protocols import Protocols, as_published
 from vtlib.experiments.run import chosen_sources, targets
 from vtlib.transfer import Settings
@@ -21,7 +20,6 @@ ALL = [
     rooms.ROOMS_LIKELIHOOD,
     rooms.ROOMS_SOURCES,
     CARTPOLE,
-    CAR,
 ]
 # What an algorithm has of its own in the published rooms, beside `as_published`.
 ROOMS_OWN = "lambda_", "buffer"
@@ -80,12 +78,6 @@ def test_the_frontier_stops_by_the_equations_for_targets_and_sources():
             assert not owner.family.stops
         for owner in (equations, equations.pool):
             assert owner.family.stops
-
-
-def test_the_car_pays_for_its_last_step_as_published():
-    for protocol, last in (("published", -1.0), ("equations", 0.0)):
-        experiment = getattr(CAR, protocol)
-        assert experiment.family.last_reward == experiment.pool.family.last_reward == last
 
 
 def test_the_rooms_run_with_the_numbers_of_the_published_code():
