@@ -47,10 +47,10 @@ def mean_curves(runs: Mapping[str, Dataset], until: int) -> list[dict[str, Any]]
     ]
 
 
-def published_curve(curve: PublishedCurve, until: int) -> dict[str, Any]:
-    """A published curve up to an iteration, as ``train_here`` draws it."""
+def published_curve(label: str, curve: PublishedCurve, until: int) -> dict[str, Any]:
+    """The published curve of an algorithm up to an iteration, as ``train_here`` draws it."""
     kept = curve.iterations <= until
-    return _reference("published", PUBLISHED, curve.iterations[kept], curve.mean[kept])
+    return _reference(f"{label}, published", PUBLISHED, curve.iterations[kept], curve.mean[kept])
 
 
 def _reference(label: str, colour: str, at: np.ndarray, values: np.ndarray) -> dict[str, Any]:
