@@ -22,7 +22,9 @@ TESTS = {  # which tests are to find faults in a file
     "posteriors/base": "tests/posteriors",
     "posteriors/dense": "tests/posteriors",
     "posteriors/diagonal": "tests/posteriors",
+    "posteriors/native": "tests/posteriors",
     "posteriors/fused": "tests/posteriors",
+    "posteriors/blocked": "tests/posteriors",
     "qfunctions": "tests/test_qfunctions.py",
     "transfer": "tests/test_transfer.py tests/test_bad_input.py tests/test_algorithm1.py",
     "baselines": "tests/test_baselines.py",
@@ -84,11 +86,18 @@ FAULTS: dict[str, list[tuple[str, str]]] = {
         ("self._pull * self._sigma - 1", "self._pull * self._sigma**2 - 1"),
         ("double().rsqrt()", "double().sqrt()"),
     ],
-    "posteriors/fused": [
+    "posteriors/native": [
         ("min(self._clip, LARGEST)", "2 * min(self._clip, LARGEST / 2)"),
         ('self._kl == "diagonal"', "False"),
-        ("        self._waiting = None\n        return out", "        return out"),
         ("run * components", "run"),
+        ("copy = memory.clone()", "copy = memory"),
+    ],
+    "posteriors/fused": [
+        ("        self._waiting = None\n        return out", "        return out"),
+    ],
+    "posteriors/blocked": [
+        ("self._precision.diagonal(d)", "torch.ones(d)"),
+        ("if self._t == 0:", "if self._t < 2:"),
     ],
     "qfunctions": [
         ("self._rate = 0.5 / variance", "self._rate = 1 / variance"),

@@ -12,7 +12,8 @@ from vtlib.posteriors import Descent, Posterior
 from vtlib.posteriors.blocked import Blocked
 from vtlib.posteriors.dense import Dense
 from vtlib.posteriors.diagonal import Diagonal
-from vtlib.posteriors.fused import MOST_SAMPLES, Fused
+from vtlib.posteriors.fused import Fused
+from vtlib.posteriors.native import MOST_SAMPLES
 from vtlib.priors import Precision, Start, low_rank_precision, sources_mean_and_spread
 from vtlib.rng import Stream
 

@@ -69,7 +69,11 @@ static inline float top(Lanes x) {
   for (int i = 0; i < LANES; i++) most = x[i] > most ? x[i] : most;
   return most;
 }
-static inline Lanes size(Lanes x) { return x < 0 ? -x : x; }
+static inline Lanes size(Lanes x) { return larger(x, -x); }
+
+static inline void fetch(const float *from, int floats) {
+  for (int i = 0; i < floats; i += LANES) __builtin_prefetch(from + i);
+}
 
 // Takes in what was put off, and multiplies with the draws first.. of a turn: L is passed once.
 static void settle(const Blocks &b, int turn, int first, int count) {
@@ -125,6 +129,9 @@ static void product(const Blocks &b, int first, int count, float *out) {
   alignas(64) float sums[LANES][STRIDE] = {}, rows[LANES][SIDE];  // sums of v_j z_j, up to the panel
   for (int p = 0; p < b.panels; p++) {
     const float *v = b.noise(m.turn, p), *z = v + first;
+    fetch(b.square(p + 1, p + 1), SIDE * SIDE), fetch(b.left(p + 1), m.pending * SIDE);
+    fetch(b.ahead(p + 1) + first * SIDE, count * SIDE);
+    for (int i = 0; i < SIDE; i++) fetch(v + (SIDE + i) * STRIDE, first + count);
     for (int k = 0; k < count; k += TILE) {
       Tile tile;
       load(tile, b.ahead(p) + (first + k) * SIDE, SIDE);
@@ -162,13 +169,16 @@ static void step_square(const Descent &f, float *square, const float *gradient, 
 // The same on the diagonal, which the divergence also pushes by -1 / L_ii; nothing right of it.
 static void step_diagonal(const Descent &f, float *square, const float *gradient, const float *v,
                           float pull, const float *precision, int side) {
-  float own[SIDE];
-  for (int i = 0; i < side; i++) own[i] = square[i * SIDE + i];
+  float own[SIDE], slope[SIDE];
+  for (int i = 0; i < side; i++) {
+    own[i] = square[i * SIDE + i];
+    slope[i] = pull * bounded(precision[i] * own[i] - 1 / own[i], f.kl_clip);
+  }
+  for (int k = 0; k < f.n_samples; k++)
+    for (int i = 0; i < side; i++) slope[i] += gradient[k * SIDE + i] * v[i * STRIDE + k];
   step_square(f, square, gradient, v, f.diagonal ? 0 : pull);
   for (int i = 0; i < side; i++) {
-    float slope = pull * bounded(precision[i] * own[i] - 1 / own[i], f.kl_clip);
-    for (int k = 0; k < f.n_samples; k++) slope += gradient[k * SIDE + i] * v[i * STRIDE + k];
-    own[i] -= f.alpha * bounded(slope, f.clip);
+    own[i] -= f.alpha * bounded(slope[i], f.clip);
     square[i * SIDE + i] = own[i] < f.sigma_min ? f.sigma_min : own[i];
     for (int row = 0; row < i; row++) square[i * SIDE + row] = 0;
   }
@@ -182,19 +192,17 @@ static void step_block(const Descent &f, const Blocks &b, int first, int count, 
   int n = f.n_samples, from = first + count - n;
   float weight = f.diagonal ? 0 : pull * f.scale;
   Lanes largest = {};
-  for (int p = 0; p < b.panels; p++)
-    for (int i = 0; i < SIDE; i += LANES) {
-      Lanes total = {};
-      for (int k = 0; k < n; k++) {
-        float *to = work + (p * LANES + k) * SIDE + i;
-        for (int j = 0; j < LANES; j++) {
-          int row = p * SIDE + i + j;
-          to[j] = row < b.d ? gradients[(int64_t)k * b.d + row] : 0;
-        }
-        total += size(at(to)) * m.reach[from + k];
-      }
-      largest = larger(total, largest);
+  for (int p = 0; p < b.panels; p++) {
+    float *rows = work + p * LANES * SIDE;
+    Lanes total[VECTORS] = {};
+    for (int k = 0; k < n; k++) {
+      float *row = rows + k * SIDE;
+      for (int i = b.height(p); i < SIDE; i++) row[i] = 0;
+      __builtin_memcpy(row, gradients + (int64_t)k * b.d + p * SIDE, b.height(p) * sizeof(float));
+      for (int r = 0; r < VECTORS; r++) total[r] += size(at(row + r * LANES)) * m.reach[from + k];
     }
+    for (Lanes x : total) largest = larger(x, largest);
+  }
   float steepest = top(largest) + weight * m.largest, shrink = 1 - f.alpha * weight;
   bool linear = steepest <= f.clip && shrink >= 0.5f && (f.diagonal || f.scale * m.largest <= f.kl_clip);
   if (!linear) settle(b, m.turn, 0, 0);
