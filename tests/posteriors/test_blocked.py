@@ -15,7 +15,7 @@ from vtlib.posteriors.native import MOST_SAMPLES
 from vtlib.priors import Precision, Start, low_rank_precision, sources_mean_and_spread
 from vtlib.rng import Stream
 
-SIDE = 48  # of the kernel's squares
+SIDE = 32  # of the kernel's squares
 PULL = 0.02
 
 

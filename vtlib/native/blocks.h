@@ -1,11 +1,11 @@
 // The factor L of a Gaussian over many weights, which no cache holds: memory is passed once in a block
 // of iterations. The noise z of a block is known when it begins, so all its products with L are made
 // then; a step is put off as outer products u v^T, v its noise, which a sample that follows feels by
-// the sums of v_j z_j over the columns j before. The squares on the diagonal are stepped at once.
+// the sums of v_j z_j over the columns j before. Only the squares on the diagonal are never put off.
 #pragma once
 #include "factor.h"
 
-constexpr int VECTORS = 3, SIDE = VECTORS * LANES;  // L is stored by panels of rows, in squares
+constexpr int VECTORS = 2, SIDE = VECTORS * LANES;  // L is stored by panels of rows, in squares
 constexpr int DRAWS = 96;                           // noise vectors in a block, at most
 constexpr int STRIDE = DRAWS + LANES;               // theirs, of each column of L
 #ifdef __AVX512F__
@@ -16,10 +16,14 @@ constexpr int TILE = 2;
 typedef Lanes Tile[TILE][VECTORS];
 
 // L below the diagonal's squares is shrunk * (squares + left * noise^T of the first `pending` draws),
-// and has no entry beyond `largest`; `ahead` is the squares' product with draws before `known`.
+// and has no entry beyond `largest`; `ahead` is the squares' product with draws before `known`. While
+// one `waits`, the diagonal's squares are yet to be stepped: with the draws from `from` on, as `step`
+// says, pulled by the diagonal (d) of the prior's precision.
 struct Member {
-  int32_t pending, known, turn;
-  float shrunk, largest, reach[DRAWS];  // the largest entry of each draw
+  Descent step;
+  const float *precision;
+  int32_t pending, known, turn, from, waits;
+  float shrunk, largest, pull, reach[DRAWS];  // the largest entry of each draw
 };
 static inline int panels_of(int d) { return (d + SIDE - 1) / SIDE; }
 
@@ -71,8 +75,40 @@ static inline float top(Lanes x) {
 }
 static inline Lanes size(Lanes x) { return larger(x, -x); }
 
-static inline void fetch(const float *from, int floats) {
-  for (int i = 0; i < floats; i += LANES) __builtin_prefetch(from + i);
+// The step on a square of L as it is (eqs. 5.9 and 5.11, clipped), with gradients by way of `left`.
+static void step_square(const Blocks &b, int p, int q, float pull) {
+  const Descent f = b.m->step;
+  const float *v = b.noise(b.m->turn, q) + b.m->from, *left = b.left(p) + b.m->from * SIDE;
+  const float back = -b.m->shrunk / f.alpha;
+  for (int i = 0; i < SIDE; i += TILE) {
+    Tile slope = {}, own;
+    add(slope, f.n_samples, left, SIDE, v + i * STRIDE, 1, STRIDE);
+    load(own, b.square(p, q) + i * SIDE, SIDE);
+    for (int c = 0; c < TILE; c++)
+      for (int r = 0; r < VECTORS; r++) {
+        slope[c][r] = slope[c][r] * back + pull * bounded(f.scale * own[c][r], all(f.kl_clip));
+        own[c][r] -= f.alpha * bounded(slope[c][r], all(f.clip));
+      }
+    store(own, b.square(p, q) + i * SIDE, SIDE);
+  }
+}
+
+// The same on the diagonal, which the divergence also pushes by -1 / L_ii; nothing right of it.
+static void step_diagonal(const Blocks &b, int p) {
+  const Descent f = b.m->step;
+  const float *v = b.noise(b.m->turn, p) + b.m->from, *left = b.left(p) + b.m->from * SIDE;
+  const float back = -b.m->shrunk / f.alpha, pull = b.m->pull;
+  float *square = b.square(p, p), own[SIDE], slope[SIDE] = {};
+  for (int i = 0; i < SIDE; i++) own[i] = square[i * SIDE + i];
+  for (int k = 0; k < f.n_samples; k++)
+    for (int i = 0; i < SIDE; i++) slope[i] += left[k * SIDE + i] * v[i * STRIDE + k];
+  step_square(b, p, p, f.diagonal ? 0 : pull);
+  for (int i = 0; i < b.height(p); i++) {
+    float kl = b.m->precision[p * SIDE + i] * own[i] - 1 / own[i];
+    own[i] -= f.alpha * bounded(slope[i] * back + pull * bounded(kl, f.kl_clip), f.clip);
+    square[i * SIDE + i] = own[i] < f.sigma_min ? f.sigma_min : own[i];
+    for (int row = 0; row < i; row++) square[i * SIDE + row] = 0;
+  }
 }
 
 // Takes in what was put off, and multiplies with the draws first.. of a turn: L is passed once.
@@ -80,6 +116,7 @@ static void settle(const Blocks &b, int turn, int first, int count) {
   Member &m = *b.m;
   Lanes largest = {};
   for (int p = 0; p < b.panels; p++) {
+    if (m.waits) step_diagonal(b, p);
     for (int i = 0; i < (count + TILE - 1) / TILE * TILE * SIDE; i++) b.ahead(p)[first * SIDE + i] = 0;
     for (int q = 0; q < p; q++) {
       float *square = b.square(p, q), *v = b.noise(m.turn, q), *z = b.noise(turn, q) + first;
@@ -102,7 +139,8 @@ static void settle(const Blocks &b, int turn, int first, int count) {
     }
     for (int i = 0; i < m.pending * SIDE; i++) b.left(p)[i] = 0;
   }
-  m.turn = turn, m.pending = 0, m.shrunk = 1, m.largest = top(largest), m.known = first + count;
+  m.turn = turn, m.pending = m.waits = 0, m.shrunk = 1, m.largest = top(largest);
+  m.known = first + count;
 }
 
 // Begins a block with its noise, `groups` times `count` draws (d); from a group to the next it is `apart`.
@@ -128,10 +166,8 @@ static void product(const Blocks &b, int first, int count, float *out) {
   if (m.known < first + count) settle(b, m.turn, first, count);
   alignas(64) float sums[LANES][STRIDE] = {}, rows[LANES][SIDE];  // sums of v_j z_j, up to the panel
   for (int p = 0; p < b.panels; p++) {
+    if (m.waits) step_diagonal(b, p);
     const float *v = b.noise(m.turn, p), *z = v + first;
-    fetch(b.square(p + 1, p + 1), SIDE * SIDE), fetch(b.left(p + 1), m.pending * SIDE);
-    fetch(b.ahead(p + 1) + first * SIDE, count * SIDE);
-    for (int i = 0; i < SIDE; i++) fetch(v + (SIDE + i) * STRIDE, first + count);
     for (int k = 0; k < count; k += TILE) {
       Tile tile;
       load(tile, b.ahead(p) + (first + k) * SIDE, SIDE);
@@ -149,74 +185,44 @@ static void product(const Blocks &b, int first, int count, float *out) {
     for (int k = 0; k < count; k++)
       for (int i = 0; i < b.height(p); i++) out[(int64_t)k * b.d + p * SIDE + i] = rows[k][i];
   }
+  m.waits = 0;
 }
 
-// One step on a square as it stands (eqs. 5.9 and 5.11, clipped), from gradients and noise.
-static void step_square(const Descent &f, float *square, const float *gradient, const float *v,
-                        float pull) {
-  for (int i = 0; i < SIDE; i += TILE) {
-    Tile slope = {};
-    add(slope, f.n_samples, gradient, SIDE, v + i * STRIDE, 1, STRIDE);
-    for (int c = 0; c < TILE; c++)
-      for (int r = 0; r < VECTORS; r++) {
-        Lanes &own = at(square + (i + c) * SIDE + r * LANES);
-        slope[c][r] += pull * bounded(f.scale * own, all(f.kl_clip));
-        own -= f.alpha * bounded(slope[c][r], all(f.clip));
-      }
+// No entry of the TD error's gradient, at draws from `from` on, is larger.
+static float steepest(const Blocks &b, const Descent &f, int from, const float *gradients) {
+  float most = 0;
+  for (int p = 0; p < b.panels; p++) {
+    float total[SIDE] = {};
+    for (int k = 0; k < f.n_samples; k++)
+      for (int i = 0; i < b.height(p); i++)
+        total[i] += __builtin_fabsf(gradients[(int64_t)k * b.d + p * SIDE + i]) * b.m->reach[from + k];
+    for (float x : total) most = x > most ? x : most;
   }
+  return most;
 }
 
-// The same on the diagonal, which the divergence also pushes by -1 / L_ii; nothing right of it.
-static void step_diagonal(const Descent &f, float *square, const float *gradient, const float *v,
-                          float pull, const float *precision, int side) {
-  float own[SIDE], slope[SIDE];
-  for (int i = 0; i < side; i++) {
-    own[i] = square[i * SIDE + i];
-    slope[i] = pull * bounded(precision[i] * own[i] - 1 / own[i], f.kl_clip);
-  }
-  for (int k = 0; k < f.n_samples; k++)
-    for (int i = 0; i < side; i++) slope[i] += gradient[k * SIDE + i] * v[i * STRIDE + k];
-  step_square(f, square, gradient, v, f.diagonal ? 0 : pull);
-  for (int i = 0; i < side; i++) {
-    own[i] -= f.alpha * bounded(slope[i], f.clip);
-    square[i * SIDE + i] = own[i] < f.sigma_min ? f.sigma_min : own[i];
-    for (int row = 0; row < i; row++) square[i * SIDE + row] = 0;
-  }
-}
-
-// One step on L, with gradients (n_samples, d) at the draws first.. of which the last `n_samples` count;
-// put off, if for sure no entry is clipped. precision (d): the prior's diagonal; work: as lefts.
+// One step on L, with gradients (n_samples, d) at the last of the draws first..; below the diagonal's
+// squares it is put off, if for sure no entry is clipped.
 static void step_block(const Descent &f, const Blocks &b, int first, int count, const float *gradients,
-                       float pull, const float *precision, float *work) {
+                       const float *precision, float pull) {
   Member &m = *b.m;
-  int n = f.n_samples, from = first + count - n;
-  float weight = f.diagonal ? 0 : pull * f.scale;
-  Lanes largest = {};
-  for (int p = 0; p < b.panels; p++) {
-    float *rows = work + p * LANES * SIDE;
-    Lanes total[VECTORS] = {};
-    for (int k = 0; k < n; k++) {
-      float *row = rows + k * SIDE;
-      for (int i = b.height(p); i < SIDE; i++) row[i] = 0;
-      __builtin_memcpy(row, gradients + (int64_t)k * b.d + p * SIDE, b.height(p) * sizeof(float));
-      for (int r = 0; r < VECTORS; r++) total[r] += size(at(row + r * LANES)) * m.reach[from + k];
-    }
-    for (Lanes x : total) largest = larger(x, largest);
-  }
-  float steepest = top(largest) + weight * m.largest, shrink = 1 - f.alpha * weight;
-  bool linear = steepest <= f.clip && shrink >= 0.5f && (f.diagonal || f.scale * m.largest <= f.kl_clip);
+  if (m.pending > first) settle(b, m.turn, 0, 0);  // a second step at the same draws
+  int from = first + count - f.n_samples;
+  float weight = f.diagonal ? 0 : pull * f.scale, shrink = 1 - f.alpha * weight;
+  float most = steepest(b, f, from, gradients) + weight * m.largest;
+  bool linear = most <= f.clip && shrink >= 0.5f && (f.diagonal || f.scale * m.largest <= f.kl_clip);
   if (!linear) settle(b, m.turn, 0, 0);
-  m.largest += f.alpha * (steepest < f.clip ? steepest : f.clip);
-  if (linear) m.shrunk *= shrink;
-  if (linear) m.pending = first + count;
-  float rate = -f.alpha / m.shrunk;
+  m.step = f, m.precision = precision, m.pull = pull, m.from = from;
+  m.largest += f.alpha * (most < f.clip ? most : f.clip);
+  if (linear) m.shrunk *= shrink, m.pending = first + count, m.waits = 1;
   for (int p = 0; p < b.panels; p++) {
-    const float *gradient = work + p * LANES * SIDE, *v = b.noise(m.turn, p) + from;
-    step_diagonal(f, b.square(p, p), gradient, v, pull, precision + p * SIDE, b.height(p));
-    for (int q = 0; q < p && !linear; q++)
-      step_square(f, b.square(p, q), gradient, b.noise(m.turn, q) + from, f.diagonal ? 0 : pull);
-    for (int i = 0; i < n * SIDE && linear; i += LANES)
-      at(b.left(p) + from * SIDE + i) += rate * at(gradient + i);
+    float *left = b.left(p) + from * SIDE;
+    for (int k = 0; k < f.n_samples; k++)
+      for (int i = 0; i < b.height(p); i++)
+        left[k * SIDE + i] = -f.alpha / m.shrunk * gradients[(int64_t)k * b.d + p * SIDE + i];
+    for (int q = 0; q < p && !linear; q++) step_square(b, p, q, f.diagonal ? 0 : pull);
+    if (!linear) step_diagonal(b, p);
+    for (int i = 0; i < f.n_samples * SIDE && !linear; i++) left[i] = 0;
   }
 }
 

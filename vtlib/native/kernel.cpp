@@ -61,14 +61,13 @@ extern "C" void blocks_product(int32_t d, int32_t members, int32_t t, int32_t co
   for (int m = 0; m < members; m++)
     product({d, memory + m * size}, t * count, count, out + m * draws);
 }
+// precision (members, d), the diagonal of the prior's, must outlive the next call.
 extern "C" void blocks_step(const Descent *f, int32_t members, int32_t t, int32_t count, float *memory,
                             const float *precision, const float *gradients, float pull) {
   int64_t size = blocks_size(f->d), draws = (int64_t)f->n_samples * f->d;
-  float *work = (float *)room((int64_t)panels_of(f->d) * LANES * SIDE);
   for (int m = 0; m < members; m++)
-    step_block(*f, {f->d, memory + m * size}, t * count, count, gradients + m * draws, pull,
-               precision + (int64_t)m * f->d, work);
-  free(work);
+    step_block(*f, {f->d, memory + m * size}, t * count, count, gradients + m * draws,
+               precision + (int64_t)m * f->d, pull);
 }
 
 #define KERNEL(name, Task)                                                                    \

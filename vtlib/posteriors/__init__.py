@@ -16,7 +16,7 @@ from vtlib.rng import Stream
 
 __all__ = ["COVARIANCES", "Descent", "Posterior"]
 
-MANY = 600  # weights from which on blocks pay; below, the cache holds L [measured]
+MANY = 400  # weights from which on blocks pay; below, the cache holds L [measured]
 
 
 def _full(

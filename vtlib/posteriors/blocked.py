@@ -28,7 +28,7 @@ class Blocked(NativePosterior):
         runs, components, d = start.mu.shape
         self._block, self._t = DRAWS // self._n_samples, -1
         diagonal = self._precision.diagonal(d).expand(runs, d)
-        self._diagonal = diagonal.repeat_interleave(components, 0).contiguous()
+        self._diagonal = diagonal.repeat_interleave(components, 0)
 
     def _draw(self, n: int) -> Tensor:
         self._t = (self._t + 1) % self._block
