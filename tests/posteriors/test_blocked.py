@@ -130,12 +130,20 @@ def test_steps_may_follow_upon_each_other_or_stay_out():
     assert_equal_factors(pair)
 
 
-@pytest.mark.parametrize("pull", [0.1, 3.0, 5.0, 9.0])
+@pytest.mark.parametrize("pull", [0.1, 3.0, 4.0, 5.0])
 def test_a_pull_may_shrink_the_factor_to_little_or_turn_it_over(pull):
-    # by 1 - alpha 5 pull: most of it stays, a quarter, less than nothing
+    # by 1 - alpha 5 pull: most of it stays, a quarter, nothing, less than nothing
     pair = both(100, 3, Descent(0.05, 0.1, None))
     for t in range(40):
         advance(pair, t, 2, 0.1, pull if t % 4 == 0 else PULL)
+    assert_equal_factors(pair)
+
+
+@pytest.mark.parametrize("kl_clip", [0.3, 3.0, 100.0])
+def test_the_divergences_own_clip_is_felt(kl_clip):
+    pair = both(100, 3, Descent(0.05, 0.1, None, "full", kl_clip))
+    for t in range(40):
+        advance(pair, t, 2, 0.1, 0.5)
     assert_equal_factors(pair)
 
 
