@@ -22,7 +22,9 @@ TESTS = {  # which tests are to find faults in a file
     "posteriors/base": "tests/posteriors",
     "posteriors/dense": "tests/posteriors",
     "posteriors/diagonal": "tests/posteriors",
+    "posteriors/native": "tests/posteriors",
     "posteriors/fused": "tests/posteriors",
+    "posteriors/blocked": "tests/posteriors",
     "qfunctions": "tests/test_qfunctions.py",
     "transfer": "tests/test_transfer.py tests/test_bad_input.py tests/test_algorithm1.py",
     "baselines": "tests/test_baselines.py",
@@ -97,12 +99,19 @@ FAULTS: dict[str, list[tuple[str, str]]] = {
         ("double().rsqrt()", "double().sqrt()"),
         (".clamp_(-self._kl_clip, self._kl_clip)", ".clamp_(-self._kl_clip, 2 * self._kl_clip)"),
     ],
-    "posteriors/fused": [
+    "posteriors/native": [
         ("min(self._clip, LARGEST)", "2 * min(self._clip, LARGEST / 2)"),
         ('self._kl == "diagonal"', "False"),
         ("min(self._kl_clip, LARGEST)", "min(self._clip, LARGEST)"),
-        ("        self._waiting = None\n        return out", "        return out"),
         ("run * components", "run"),
+        ("copy = memory.clone()", "copy = memory"),
+    ],
+    "posteriors/fused": [
+        ("        self._waiting = None\n        return out", "        return out"),
+    ],
+    "posteriors/blocked": [
+        ("self._precision.diagonal(d)", "torch.ones(d)"),
+        ("if self._t == 0:", "if self._t < 2:"),
     ],
     "qfunctions": [
         ("self._rate = 0.5 / variance", "self._rate = 1 / variance"),

@@ -10,7 +10,6 @@ import pytest
 
 from vtlib.experiments.cartpole import CARTPOLE
 from vtlib.experiments.experiment import COMPONENTS, PSIS, slider_lambdas
-from vtlib.experiments.maze import MAZE_COMPONENTS, MAZE_LAMBDAS, MAZE_MGVT, MAZE_PSIS
 from vtlib.experiments.mountain_car import CAR, CAR_LAMBDAS
 from vtlib.transfer import Settings
 
@@ -127,9 +126,8 @@ CART = CARTPOLE.published.transfer_settings("1-MGVT")
 # The setting that each page's sliders start at, the values of lambda, its slider panels, and the
 # values of psi and C.
 SETTINGS = {
-    "mazes": (MAZE_MGVT, MAZE_LAMBDAS, 2, MAZE_PSIS, MAZE_COMPONENTS),
     "cartpole": panels_of(CART, slider_lambdas(CART), 1),
-    "mountain_car": panels_of(CAR.transfer_settings("1-MGVT"), CAR_LAMBDAS, 2),
+    "mountain_car": panels_of(CAR.published.transfer_settings("1-MGVT"), CAR_LAMBDAS, 2),
 }
 
 

@@ -11,7 +11,7 @@ from vtlib.experiments.cartpole import (
     CARTPOLE_SLIDERS,
 )
 from vtlib.experiments.experiment import Experiment
-from vtlib.experiments.maze import CORNERS, MAZE_TARGETS, MAZES
+from vtlib.experiments.maze import MAIN, MAZE_TARGETS
 from vtlib.experiments.mountain_car import CAR, CAR_SLIDERS
 from vtlib.experiments.rooms import (
     PUBLISHED_GVT,
@@ -25,7 +25,7 @@ from vtlib.experiments.rooms import (
 
 BOOK = Path(__file__).resolve().parent.parent / "book"
 WORDS = {1: "one", 5: "five", 10: "ten", 20: "twenty", 50: "fifty"}
-MAZE = MAZE_TARGETS["north-east"]
+MAZE = MAZE_TARGETS[MAIN].published
 EVALUATION, CHANGE = ROOMS_EVALUATION.published, ROOMS_CHANGE.published
 TIGHT = PUBLISHED_GVT.lambda_ / PUBLISHED_GVT.jitter
 LOOSE = PUBLISHED_MGVT.lambda_ / PUBLISHED_MGVT.sigma_p2
@@ -44,8 +44,8 @@ TYPED = [
     ("cartpole", f"against {CARTPOLE.published.iterations:,} iterations"),
     ("cartpole", f"return at {CARTPOLE.published.iterations:,} iterations"),
     ("mountain_car", sliders(CAR_SLIDERS)),
-    ("mountain_car", f"over {CAR.iterations:,} iterations"),
-    ("mountain_car", f"over the {WORDS[CAR.runs]} targets"),
+    ("mountain_car", f"over {CAR.published.iterations:,} iterations"),
+    ("mountain_car", f"over the {WORDS[CAR.published.runs]} targets"),
     ("rooms_evaluation", f"against {EVALUATION.iterations:,} iterations"),
     ("rooms_evaluation", f"for these {WORDS[EVALUATION.runs]} tasks"),
     (
@@ -61,11 +61,6 @@ TYPED = [
     ("rooms_likelihood", f"all their {LIKELIHOOD.iterations:,} steps"),
     ("rooms_exploration", f"lasts only {EXPLORATION.iterations:,} iterations"),
     ("rooms_number_of_sources", f"and after {ROOMS_SOURCES.published.iterations:,}, below"),
-    (
-        "mazes",
-        f"The {WORDS[MAZES.count]} mazes, {WORDS[MAZES.count // len(CORNERS)]} for each corner",
-    ),
-    ("mazes", f"Each of {WORDS[MAZE.runs]} runs"),
     ("mazes", f"against {MAZE.iterations:,} iterations"),
     ("mazes", f"over {MAZE.iterations:,} iterations"),
 ]

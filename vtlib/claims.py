@@ -25,6 +25,7 @@ UNDECIDED, STRONGER = "undecided", "stronger than claimed"
 VERDICTS = REPRODUCED, STRONGER, UNDECIDED, NOT
 OPTIMAL = 0.9  # a return that misses the optimum by at most a tenth is called optimal
 EARLY = 500  # iterations within which a start shows
+MIXTURES, TRANSFER = ("1-MGVT", "3-MGVT"), ("GVT", "1-MGVT", "3-MGVT")
 
 
 @frozen

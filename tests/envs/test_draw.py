@@ -22,7 +22,7 @@ from vtlib.envs.rooms.draw import draw_rooms
 
 POLES = Cartpole.of(3, cart_mass=1.0, pole_mass=0.1, half_length=[0.5, 0.2, 1.0])
 CARS = MountainCar.of(2, speed=[0.001, 0.0015])
-MAZES = Mazes.of(["north-east 1", "south-west 3"])
+MAZES = Mazes.of(["north-east 0", "south-west 14"])
 
 
 def drawn(draw, *arguments) -> Axes:
@@ -87,8 +87,8 @@ def test_cells_are_drawn_where_they_are_and_without_seams() -> None:
     free[0, 0] = False
     assert (middles[free] == 255).all()
     assert middles[0, 0].tolist() == [round(255 * part) for part in to_rgb(FLAG)]
-    # Row 2 from above of "south-west 3" begins with three walls.
-    assert (np.ptp(picture[60, 6:114], axis=0) == 0).all()
+    # Row 7 from above of "south-west 14" begins with three walls.
+    assert (np.ptp(picture[260, 6:114], axis=0) == 0).all()
 
 
 def test_the_robot_stands_in_its_place_and_its_rays_end_where_they_read() -> None:

@@ -91,7 +91,7 @@ def test_every_field_has_values_that_are_refused(config, table):
 
 
 def test_a_pool_cannot_have_more_sources_than_its_family_names():
-    mazes = MazeFamily(("north-east 1", "south-west 2"))
+    mazes = MazeFamily(("north-east 0", "south-west 11"))
     Pool("mazes", mazes, count=2)
     with pytest.raises(ValueError, match="count must not exceed the tasks of the family, got 3"):
         Pool("mazes", mazes, count=3)

@@ -67,4 +67,4 @@ def test_the_number_of_sources_is_judged_by_the_runs_of_each_protocol():
     claim = judged.rooms_number_of_sources()[0]
     for protocol, experiment in ROOMS_SOURCES._asdict().items():
         pair = [Runs(returns(experiment, count_name(x, 2))) for x in ("GVT", "1-MGVT")]
-        assert claim.found[protocol] == Runs.ratio(*pair, judged.SOURCES_AT[0])
+        assert claim.found[protocol] == Runs.ratio(*pair, judged.rooms.SOURCES_AT[0])

@@ -19,8 +19,11 @@ SHORT = {
     "cartpole-sources",
     "cartpole-sources-ddqn-separate",
     "cartpole-sources-mellow-separate",
+    "maze-sources",
     "mountain-car-sources",
+    "mountain-car-sources-equations",
 }
+UNCHECKED = "mountain-car-sources-unchecked"  # as those that nobody had looked at
 CORNER = "rooms-3-corner-sources"  # meant to show what is lost: most were never rewarded
 
 
@@ -33,7 +36,7 @@ def test_every_result_is_stored_under_the_present_configuration(name):
             assert np.isfinite(values).all()
 
 
-@pytest.mark.parametrize("name", sorted(set(POOLS) - SHORT - {CORNER}))
+@pytest.mark.parametrize("name", sorted(set(POOLS) - SHORT - {CORNER, UNCHECKED}))
 def test_sources_are_solved(name):
     sources = load(POOLS[name], "sources")
     assert sources.solved.all()
@@ -45,7 +48,8 @@ def test_sources_are_solved(name):
 def test_sources_that_fall_short_were_trained_to_the_limit(name):
     sources = load(POOLS[name], "sources")
     assert 0.5 < sources.solved.mean() < 1
-    assert (sources.iterations[~sources.solved] <= POOLS[name].limit).all()
+    pool = POOLS[name]
+    assert (sources.iterations[~sources.solved] <= pool.limit * pool.attempts).all()
 
 
 def test_sources_from_the_corner_are_as_they_were_after_their_iterations():
@@ -54,6 +58,12 @@ def test_sources_from_the_corner_are_as_they_were_after_their_iterations():
     rewarded = (sources.weights != 0).any("weights_1")
     assert not sources.solved[~rewarded].any()
     assert 0 < sources.solved.sum() < rewarded.sum() < len(rewarded) / 2
+
+
+def test_unchecked_sources_are_as_they_were_after_their_iterations():
+    sources = load(POOLS[UNCHECKED], "sources")
+    assert (sources.iterations == POOLS[UNCHECKED].iterations).all()
+    assert sources.solved.mean() < 0.5
 
 
 def test_results_stay_small():

@@ -304,7 +304,7 @@ def test_pools_of_one_stream_share_tasks_and_random_numbers(pool):
 
 
 def test_returns_are_those_of_the_familys_window():
-    mazes = Pool("mazes", MazeFamily(("south-east 2",)), count=1)
+    mazes = Pool("mazes", MazeFamily(("south-east 16",)), count=1)
     assert SourceTraining(mazes, [0]).episodes.returns._finished.shape == (1, 25)
 
 

@@ -6,9 +6,11 @@ import pytest
 import torch
 
 from vtlib import native, posteriors
-from vtlib.posteriors import COVARIANCES, Descent
+from vtlib.posteriors import COVARIANCES, MANY, Descent
+from vtlib.posteriors.blocked import Blocked
 from vtlib.posteriors.dense import Dense
-from vtlib.posteriors.fused import MOST_SAMPLES, Fused
+from vtlib.posteriors.fused import Fused
+from vtlib.posteriors.native import MOST_SAMPLES
 from vtlib.priors import GaussianPrior, Precision, Start
 from vtlib.rng import Stream
 
@@ -45,15 +47,23 @@ def test_two_steps_may_follow_upon_each_other():
 
 
 @pytest.mark.parametrize(
-    ("compiled", "n_samples", "kind"),
-    [(True, MOST_SAMPLES, Fused), (True, MOST_SAMPLES + 1, Dense), (False, 2, Dense)],
+    ("compiled", "d", "n_samples", "kl", "low_rank", "kind"),
+    [
+        (True, MANY - 1, MOST_SAMPLES, "full", False, Fused),
+        (True, MANY, MOST_SAMPLES, "full", False, Blocked),
+        (True, MANY, 2, "full", True, Fused),
+        (True, MANY, 2, "diagonal", True, Blocked),
+        (True, MANY, MOST_SAMPLES + 1, "full", False, Dense),
+        (False, MANY, 2, "full", False, Dense),
+    ],
 )
-def test_a_full_covariance_is_updated_by_the_kernel_where_it_can_be(
-    monkeypatch, compiled, n_samples, kind
+def test_a_full_covariance_is_updated_by_the_kernel_that_suits_it(
+    monkeypatch, compiled, d, n_samples, kl, low_rank, kind
 ):
     assert native.kernels() is not None  # else nothing here tests them
     if not compiled:
         monkeypatch.setattr(posteriors, "kernels", lambda: None)
-    start, stream = Start(torch.zeros(1, 1, 3), 1.0), Stream("t", [0], "posterior")
-    chosen = COVARIANCES["full"](start, Precision(1.0), Descent(0.1, 1e-4), stream, n_samples)
-    assert type(chosen) is kind
+    start, stream = Start(torch.zeros(1, 1, d), 1.0), Stream("t", [0], "posterior")
+    precision = Precision(1.0, torch.zeros(1, d, 2) if low_rank else None)
+    descent = Descent(0.1, 1e-4, kl=kl)
+    assert type(COVARIANCES["full"](start, precision, descent, stream, n_samples)) is kind

@@ -4,36 +4,87 @@ from __future__ import annotations
 
 from attrs import evolve
 
-from vtlib.baselines import DDQNSettings
+from vtlib.baselines import DDQNSettings, FineTuning
 from vtlib.envs.mountain_car import MountainCarFamily
-from vtlib.experiments.experiment import ITERATIONS, Experiment, Pool, slider_lambdas, sliders_of
+from vtlib.experiments.experiment import Algorithm, Experiment, Pool, slider_lambdas, sliders_of
+from vtlib.experiments.protocols import (
+    FINE_TUNED,
+    FINE_TUNED_GREEDY,
+    FROM_MEAN,
+    Protocols,
+    as_published,
+)
 from vtlib.transfer import Settings
 
-CAR_SOURCE_ITERATIONS = 50_000
+ITERATIONS, SOURCE_ITERATIONS = 40_000, 50_000
+FLOOR = -(1 - 0.99**200) / (1 - 0.99)  # the return of an episode that never arrives
 CARS = Pool(
     "mountain-car-sources",
-    MountainCarFamily(),
+    MountainCarFamily(last_reward=-1.0),
     count=50,
-    iterations=CAR_SOURCE_ITERATIONS,
-    limit=500_000,
-    check_every=2_000,
-    episodes=100,
-    settings=DDQNSettings(epsilon_steps=int(0.15 * CAR_SOURCE_ITERATIONS), minibatch=32),
+    iterations=SOURCE_ITERATIONS,
+    limit=300_000,
+    check_every=10_000,
+    episodes=200,
+    settings=DDQNSettings(epsilon_steps=int(0.15 * SOURCE_ITERATIONS), minibatch=32),
 )
-CAR_GVT = Settings(family="gaussian", lambda_=1e-5, minibatch=500, alpha_L=1e-4)
-CAR_MGVT = evolve(CAR_GVT, family="mixture")
-CAR = Experiment(
+GVT = Settings(family="gaussian", lambda_=1e-5, minibatch=500, alpha_L=1e-4)
+MGVT = evolve(GVT, family="mixture")
+DDQN = DDQNSettings(epsilon_steps=int(0.15 * ITERATIONS), minibatch=32)
+DDQN_GREEDY = evolve(DDQN, epsilon_start=DDQN.epsilon_end)
+FINE_TUNING: dict[str, Algorithm] = {
+    FINE_TUNED: FineTuning(DDQN),
+    FINE_TUNED_GREEDY: FineTuning(DDQN_GREEDY),
+    FROM_MEAN: FineTuning(DDQN_GREEDY, "mean"),
+}
+
+
+def _transfer(gaussian: Settings, mixture: Settings) -> dict[str, Algorithm]:
+    return {"3-MGVT": evolve(mixture, components=3), "GVT": gaussian, "1-MGVT": mixture}
+
+
+_PUBLISHED = Experiment(
     name="mountain-car",
     pool=CARS,
-    family=MountainCarFamily(),
+    family=CARS.family,
     algorithms={
-        "3-MGVT": evolve(CAR_MGVT, components=3),
-        "GVT": CAR_GVT,
-        "1-MGVT": CAR_MGVT,
-        "DDQN": DDQNSettings(epsilon_steps=int(0.15 * ITERATIONS), minibatch=32),
+        **_transfer(as_published(GVT), as_published(MGVT)),
+        "DDQN": DDQN,
+        **FINE_TUNING,
     },
+    iterations=ITERATIONS,
+    every=200,
+    each=True,
 )
-CAR_LAMBDAS = slider_lambdas(CAR_MGVT)[::2]  # fewer than elsewhere: these are the longest runs
-CAR_SLIDERS = sliders_of(CAR, "mountain-car-sliders", 10, 2_000, CAR_LAMBDAS)
+CAR = Protocols(
+    _PUBLISHED,
+    evolve(
+        _PUBLISHED,
+        name="mountain-car-equations",
+        pool=evolve(CARS, name="mountain-car-sources-equations", family=MountainCarFamily()),
+        family=MountainCarFamily(),
+        algorithms={**_transfer(GVT, MGVT), "DDQN": DDQN},
+        each=False,
+    ),
+)
+# GVT's samples scatter ever more widely; smaller steps on L should keep them together.
+CAR_STEPS = evolve(
+    CAR.published,
+    name="mountain-car-steps",
+    algorithms={
+        f"GVT, steps of {alpha:g}": evolve(as_published(GVT), alpha_L=alpha)
+        for alpha in (1e-5, 1e-6)
+    },
+    iterations=10_000,
+)
+# Nobody had checked the published sources: they are what so many iterations leave.
+CAR_UNCHECKED = evolve(
+    CAR.published,
+    name="mountain-car-unchecked",
+    pool=evolve(CARS, name="mountain-car-sources-unchecked", limit=SOURCE_ITERATIONS),
+    algorithms={"GVT": as_published(GVT)},
+)
+CAR_LAMBDAS = slider_lambdas(MGVT)[::2]  # fewer than elsewhere: these are the longest runs
+CAR_SLIDERS = sliders_of(CAR.published, "mountain-car-sliders", 10, 2_000, CAR_LAMBDAS)
 
-EXPERIMENTS = (CAR, CAR_SLIDERS)
+EXPERIMENTS = (*CAR, CAR_STEPS, CAR_UNCHECKED, CAR_SLIDERS)

@@ -12,6 +12,8 @@ HERE = Path(__file__).resolve().parent
 LIBRARIES = HERE / "lib"
 # No fast-math: NaN has to reach the check for diverged runs, and positions round as in torch.
 FLAGS = ("-O3", "-ffp-contract=on", "-fno-math-errno", "-fno-exceptions", "-fno-rtti")
+# Clang would split wide registers, which slowed the first processors that had them.
+WIDE = {"x86_64_v4": ("-mprefer-vector-width=512",)}
 # What to compile for, best first, and what processors have that can run it, as torch calls it.
 ANY = ("AVX512", "AVX2", "DEFAULT", "NO AVX", "SVE256", "ZVECTOR", "VSX")
 LEVELS = {"x86_64_v4": ANY[:1], "x86_64_v3": ANY[:2], "baseline": ANY}
@@ -56,7 +58,7 @@ def _run(source: str, out: Path, target: str, cpu: str, flags: list[str]) -> Pat
     with tempfile.TemporaryDirectory(dir=out.parent) as folder:
         new = Path(folder) / out.name
         command = [sys.executable, "-m", "ziglang", "c++", "-target", target, f"-mcpu={cpu}"]
-        command += [*FLAGS, *flags, "-o", str(new), str(HERE / source)]
+        command += [*FLAGS, *WIDE.get(cpu, ()), *flags, "-o", str(new), str(HERE / source)]
         subprocess.run(command, check=True, capture_output=True, text=True, timeout=300)
         new.replace(out)  # at once: a process that loads it meanwhile has the old one or the new
     return out

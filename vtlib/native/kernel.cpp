@@ -1,6 +1,7 @@
 // What Python calls: the posterior's step for any Q-function, and whole runs in each environment.
 #include <stdlib.h>
 
+#include "blocks.h"
 #include "networks.h"
 #include "rooms.h"
 
@@ -38,6 +39,35 @@ extern "C" void posterior_step(const Descent *f, int32_t members, int32_t count,
       for (int k = 0; k < count; k++) out[((int64_t)m * count + k) * d + i] = product[i][k];
   }
   free(next), free(gradient), free(upcoming), free(product), free(padded_z);
+}
+
+// The same in blocks of iterations, of which the next is number t. members, memory: so many `Blocks`.
+// noise (groups, members, count, d); out (members, count, d); gradients (members, n_samples, d).
+extern "C" int64_t blocks_size(int32_t d) { return Blocks(d, nullptr).end() - (float *)nullptr; }
+extern "C" void blocks_pack(int32_t d, float *rows, float *memory) { copy_blocks<true>({d, memory}, rows); }
+extern "C" void blocks_unpack(int32_t d, float *rows, float *memory) {
+  settle({d, memory}, ((Member *)memory)->turn, 0, 0);
+  copy_blocks<false>({d, memory}, rows);
+}
+extern "C" void blocks_begin(int32_t d, int32_t members, int32_t groups, int32_t count, float *memory,
+                             const float *noise) {
+  int64_t size = blocks_size(d), draws = (int64_t)count * d;
+  for (int m = 0; m < members; m++)
+    begin_block({d, memory + m * size}, noise + m * draws, groups, count, members * draws);
+}
+extern "C" void blocks_product(int32_t d, int32_t members, int32_t t, int32_t count, float *memory,
+                               float *out) {
+  int64_t size = blocks_size(d), draws = (int64_t)count * d;
+  for (int m = 0; m < members; m++)
+    product({d, memory + m * size}, t * count, count, out + m * draws);
+}
+// precision (members, d), the diagonal of the prior's, must outlive the next call.
+extern "C" void blocks_step(const Descent *f, int32_t members, int32_t t, int32_t count, float *memory,
+                            const float *precision, const float *gradients, float pull) {
+  int64_t size = blocks_size(f->d), draws = (int64_t)f->n_samples * f->d;
+  for (int m = 0; m < members; m++)
+    step_block(*f, {f->d, memory + m * size}, t * count, count, gradients + m * draws,
+               precision + (int64_t)m * f->d, pull);
 }
 
 #define KERNEL(name, Task)                                                                    \

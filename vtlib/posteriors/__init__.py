@@ -6,21 +6,28 @@ from collections.abc import Callable
 
 from vtlib.native import kernels
 from vtlib.posteriors.base import Descent, Posterior
+from vtlib.posteriors.blocked import Blocked
 from vtlib.posteriors.dense import Dense
 from vtlib.posteriors.diagonal import Diagonal
-from vtlib.posteriors.fused import MOST_SAMPLES, Fused
+from vtlib.posteriors.fused import Fused
+from vtlib.posteriors.native import MOST_SAMPLES
 from vtlib.priors import Precision, Start
 from vtlib.rng import Stream
 
 __all__ = ["COVARIANCES", "Descent", "Posterior"]
 
+MANY = 400  # weights from which on blocks pay; below, the cache holds L [measured]
+
 
 def _full(
     start: Start, precision: Precision, descent: Descent, noise: Stream, n_samples: int
 ) -> Posterior:
-    """A full covariance, by the kernel where there is one; "dense" leaves it to torch."""
-    fused = kernels() is not None and start.mu.device.type == "cpu" and n_samples <= MOST_SAMPLES
-    return (Fused if fused else Dense)(start, precision, descent, noise, n_samples)
+    """A full covariance, by a kernel where there is one; "dense" leaves it to torch."""
+    kind: type[Dense | Fused | Blocked] = Dense
+    if kernels() is not None and start.mu.device.type == "cpu" and n_samples <= MOST_SAMPLES:
+        blocks = precision.W is None or descent.kl == "diagonal"
+        kind = Blocked if blocks and start.mu.shape[2] >= MANY else Fused
+    return kind(start, precision, descent, noise, n_samples)
 
 
 Maker = Callable[[Start, Precision, Descent, Stream, int], Posterior]

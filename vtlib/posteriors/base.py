@@ -80,7 +80,7 @@ class FactorPosterior(ABC):
     def sample(self) -> Tensor:
         """Weights w = mu + L z (R, C, n_samples, d)."""
         runs, components, d = self.mu.shape
-        z = self._noise.normal(components * self._n_samples * d).to(self.mu.device)
+        z = self._draw(components * self._n_samples * d).to(self.mu.device)
         self._z = z.reshape(runs * components, self._n_samples, d)
         samples = self._product(self._z).view(runs, components, self._n_samples, d)
         samples += self.mu.unsqueeze(2)
@@ -90,6 +90,10 @@ class FactorPosterior(ABC):
         """One step of gradient descent on L."""
         used = gradients.shape[2]
         self._descend(gradients.flatten(0, 1), self._z[:, -used:], kl_weight)
+
+    def _draw(self, n: int) -> Tensor:
+        """The noise (R, n) of the next samples."""
+        return self._noise.normal(n)
 
     @abstractmethod
     def _start(self, start: Start) -> None:

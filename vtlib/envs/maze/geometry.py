@@ -18,6 +18,8 @@ REACH = 2.0  # m, of the sensors
 # makes of its position, nor slips between two that only touch at a corner.
 CLEARANCE = 0.01
 LONGEST_MOVE = 0.95  # m along either axis: such a move meets at most one line of each kind
+# A hair further from the border (m), or a robot that slides along it would touch it.
+BORDER = CLEARANCE + 1e-5
 # A blocked move ends this share of it earlier: a robot that has run into a wall head-on can still
 # drive along it.
 BACK_OFF = 2e-4
@@ -92,10 +94,12 @@ def look(
 def advance(ground: Ground, position: np.ndarray, move: np.ndarray) -> np.ndarray:
     """Where moves (2, R) from positions (2, R) end, going as far as no wall is in their way.
 
-    A robot that keeps CLEARANCE from all walls still does afterwards. Moves longer than
-    LONGEST_MOVE along an axis are cut to it.
+    The border of the square cuts each coordinate by itself, so that a robot slides along it; a wall
+    within stops the move. A robot that keeps CLEARANCE from all walls still does afterwards. Moves
+    longer than LONGEST_MOVE along an axis are cut to it.
     """
-    move = move.clip(-LONGEST_MOVE, LONGEST_MOVE)
+    aim = position + move.clip(-LONGEST_MOVE, LONGEST_MOVE)
+    move = aim.clip(BORDER, SIDE - BORDER) - position
     cell, sign = np.floor(position), np.sign(move)
     # The share of the move after which the robot's clearance meets the next cell, FREE where that
     # is beyond its end. A robot that does not move along an axis divides by 0 there; fmin and

@@ -54,7 +54,7 @@ class MazeEnv(TasksEnv):
     Termination: a step ends in the goal's cell. Truncation: after `horizon` steps.
 
     ## Arguments
-    - `maze`: a name in the library, or what `vtlib.envs.parse_maze` reads. Default "north-east 1".
+    - `maze`: a name in the library, or what `vtlib.envs.parse_maze` reads. Default "north-east 0".
     - `horizon`: steps of a truncated episode. Default 100.
     - `render_mode`: None or "rgb_array".
     """
@@ -64,7 +64,7 @@ class MazeEnv(TasksEnv):
 
     def __init__(
         self,
-        maze: str | Maze = "north-east 1",
+        maze: str | Maze = "north-east 0",
         horizon: int = Mazes.horizon,
         render_mode: str | None = None,
     ) -> None:
