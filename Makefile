@@ -10,7 +10,7 @@ PYTHON ?= python3.11
 VENV   ?= .venv
 # For example --no-browser --port=9999.
 LAB_OPTIONS ?=
-# make reproduce ONLY="cartpole rooms-sliders" RUNS=2 JOBS=4, or SCHEDULER=tcp://host:8786; DEVICE=cuda
+# make reproduce ONLY="thesis" or ONLY="cartpole mountain-car" RUNS=2 JOBS=4, or SCHEDULER=tcp://host:8786; DEVICE=cuda
 ONLY ?=
 RUNS ?=
 JOBS ?=

@@ -13,7 +13,7 @@ from distributed import KilledWorker
 
 from vtlib import bench
 from vtlib.checks import one_line
-from vtlib.experiments import EXPERIMENTS, named, store
+from vtlib.experiments import EXPERIMENTS, THESIS, named, store
 from vtlib.experiments.check import differing, report, reproduce, verify
 from vtlib.experiments.schedule import complete
 from vtlib.training import Diverged
@@ -46,7 +46,12 @@ def _parser() -> argparse.ArgumentParser:
     verify.add_argument("experiment", nargs="*", help="all when none is named")
     verify.set_defaults(command=_verify)
     again = commands.add_parser("reproduce", help="compute everything anew and compare")
-    again.add_argument("--only", action="append", metavar="EXPERIMENT", help="may be repeated")
+    again.add_argument(
+        "--only",
+        action="append",
+        metavar="EXPERIMENT",
+        help="may be repeated; thesis for those of its figures",
+    )
     again.add_argument("--runs", type=_positive, help="only the first so many of each experiment")
     again.add_argument(
         "--fresh",
@@ -111,7 +116,10 @@ def _verify(options: argparse.Namespace) -> int:
 
 
 def _reproduce(options: argparse.Namespace) -> int:
-    experiments = [named(name) for name in dict.fromkeys(options.only or EXPERIMENTS)]
+    names: list[str] = []
+    for name in options.only or EXPERIMENTS:
+        names += THESIS if name == "thesis" else [name]
+    experiments = [named(name) for name in dict.fromkeys(names)]
     beside = f"reproduced-{options.runs}" if options.runs else "reproduced"
     fresh = options.fresh or Path("_build", beside)
     comparisons = reproduce(experiments, options.results, fresh, options.runs, **_workers(options))

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 from vtlib import __main__ as cli
 from vtlib import bench
-from vtlib.experiments import EXPERIMENTS, run, schedule, store
+from vtlib.experiments import EXPERIMENTS, THESIS, run, schedule, store
 
 RESULTS = ("tiny-pool/sources", "tiny/tasks", "tiny/NT", "tiny/GVT")
 
@@ -91,6 +91,15 @@ def test_reproduce_computes_anew_and_names_what_differs(stored, tmp_path, capsys
     assert "1 DIFFER" in out
     fresh = tmp_path / "_build" / "reproduced-1"
     assert len(store.read(fresh / "tiny/GVT")[0]["run"]) == 1
+
+
+def test_reproduce_knows_the_thesis_own_figures(stored, tmp_path, capsys, monkeypatch):
+    assert {"rooms-evaluation", "cartpole-equations", "mountain-car", "maze-8"} <= set(THESIS)
+    assert "rooms-ingredients" not in THESIS
+    monkeypatch.setattr(cli, "THESIS", ["tiny"])
+    arguments = ["reproduce", "--only", "thesis", "--only", "tiny", "--results", stored]
+    assert main(*arguments, "--fresh", tmp_path / "fresh") == 0
+    assert capsys.readouterr().out.splitlines()[-1].startswith("4 results compared, none differs")
 
 
 COMMANDS = (["run"], ["verify"], ["reproduce", "--only"])

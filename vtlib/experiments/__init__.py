@@ -5,11 +5,23 @@ from vtlib.experiments.check import live_check
 from vtlib.experiments.experiment import Experiment
 from vtlib.experiments.store import load, returns
 
-__all__ = ["EXPERIMENTS", "POOLS", "live_check", "load", "named", "returns"]
+__all__ = ["EXPERIMENTS", "POOLS", "THESIS", "live_check", "load", "named", "returns"]
 
 # For the command line: an experiment of one's own runs, stores and verifies without it.
 PAGES = (rooms.EXPERIMENTS, cartpole.EXPERIMENTS, mountain_car.EXPERIMENTS, maze.EXPERIMENTS)
 EXPERIMENTS: dict[str, Experiment] = {e.name: e for page in PAGES for e in page}
+# The figures of the thesis, in both protocols; the others ask why.
+FIGURES = (
+    rooms.ROOMS_EVALUATION,
+    rooms.ROOMS_CHANGE,
+    rooms.ROOMS_EXPLORATION,
+    rooms.ROOMS_LIKELIHOOD,
+    rooms.ROOMS_SOURCES,
+    cartpole.CARTPOLE,
+    mountain_car.CAR,
+    *maze.MAZE_TARGETS.values(),
+)
+THESIS = [e.name for protocols in FIGURES for e in protocols if e.name in EXPERIMENTS]
 POOLS = {e.pool.name: e.pool for e in EXPERIMENTS.values()}
 
 

@@ -117,8 +117,9 @@ def test_a_robot_goes_straight_until_just_before_a_wall(seed: int, scale: float)
         length = 0.5 if action[row] == 0 else 0.0
         move = length * np.array([math.cos(heading), math.sin(heading)])
         move = (move + 0.05 * noise[row, :2].double().numpy()).clip(-0.95, 0.95)
-        move = (move + [x, y]).clip(BORDER, 10 - BORDER) - [x, y]
-        made = reached[row, :2].double().numpy() - [x, y]
+        at = np.array([x, y])
+        move = (move + at).clip(BORDER, 10 - BORDER) - at
+        made = reached[row, :2].double().numpy() - at
         # float32 decides by a hair whether a robot touches a wall, and where it stands then.
         walls, hair = solid(tasks, row, state[row]), 2 * ROUNDING
         soonest, latest = (
