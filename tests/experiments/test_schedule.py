@@ -8,6 +8,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import tempfile
 import threading
 import time
 from functools import partial
@@ -194,11 +195,16 @@ def test_a_worker_that_dies_loses_nothing(tiny, computed, there, tmp_path):
 # A command of its own, which can be killed: one that computes with two processes of its own.
 SCRIPT = """
 import sys
+from vtlib.interrupts import end_at_once
+
+if __name__ == "__main__":
+    end_at_once()
+
 from pathlib import Path
 from attrs import evolve
+from vtlib.cli import main
 from vtlib.experiments import EXPERIMENTS, schedule
 from vtlib.experiments.cartpole import CARTPOLE
-from vtlib.__main__ import main
 
 CARTS = CARTPOLE.published
 some = {label: CARTS.algorithms[label] for label in ("GVT", "DDQN")}
@@ -290,13 +296,26 @@ def test_killed_again_and_again_the_same_command_leaves_the_same_files(tmp_path)
 
 
 @needs_proc
-def test_an_interrupt_ends_in_one_line_and_with_all_processes(tmp_path):
-    command = Command(tmp_path, tmp_path / "results", 20_000)  # seconds longer than its first unit
-    command.wait_for_a_unit()
-    os.killpg(command.process.pid, signal.SIGINT)
-    _, err = command.process.communicate(timeout=60)
-    assert command.process.returncode == 130
-    *bar, line = err.strip().splitlines()
-    assert line == "vtlib: interrupted; the same command goes on from here"
-    assert all("left" in shown for shown in bar if shown), err
-    command.assert_gone()
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupt_at_any_moment_ends_in_one_line_and_with_all_processes(tmp_path, number):
+    iterations = 4_000
+    # while it imports, starts workers, computes and stores; a second or two to each
+    for wait in np.random.default_rng(number).uniform(0.2, 9, 4):
+        command = Command(tmp_path, tmp_path / "results", iterations)
+        time.sleep(wait)
+        ended = command.process.poll() is not None
+        os.killpg(command.process.pid, number)
+        out, err = command.process.communicate(timeout=10)
+        command.assert_gone()
+        if ended:  # it was complete before
+            continue
+        assert command.process.returncode == 128 + number, err
+        *bar, line = err.strip().splitlines()
+        assert line == "vtlib: interrupted; the same command goes on from here"
+        assert all("left" in shown for shown in bar if shown), err
+        assert not list(Path(tempfile.gettempdir()).glob(f"vtlib-{command.process.pid}-*"))
+    last = Command(tmp_path, tmp_path / "results", iterations)
+    out, err = last.process.communicate()
+    assert (last.process.returncode, out) == (0, f"tiny is complete under {tmp_path}/results\n"), (
+        err
+    )

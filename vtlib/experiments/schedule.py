@@ -15,9 +15,7 @@ import math
 import os
 import resource
 import shutil
-import signal
 import sys
-import tempfile
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from itertools import groupby
@@ -26,12 +24,13 @@ from pathlib import Path
 import numpy as np
 import torch
 from attrs import frozen
-from distributed import Client, Future, LocalCluster, WorkerPlugin, as_completed, get_worker
+from distributed import Client, Future, LocalCluster, as_completed, get_worker
 from tqdm import tqdm
 
 from vtlib import __version__
 from vtlib.experiments import run, sources, store
 from vtlib.experiments.experiment import SOURCES, TASKS, Experiment, Pool
+from vtlib.interrupts import for_this_process_alone, scratch
 
 BATCH = 10  # runs that advance together; fixed, so that results never depend on the workers
 SOURCE_BATCH = 25  # at most: a small pool is cut in two, for two cores
@@ -266,13 +265,6 @@ def _in_worker(
     return compute(unit, weights, lambda share: tell(topic, (str(unit.part), share)), device)
 
 
-class _Deaf(WorkerPlugin):
-    """Ctrl-C reaches every process of a terminal; only the one that was started answers it."""
-
-    def setup(self, worker: object) -> None:
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
-
-
 @contextlib.contextmanager
 def _cluster(jobs: int | None, scheduler: str | None, progress: Progress) -> Iterator[Client]:
     """A client of the scheduler, or else of processes of this machine, which end with it."""
@@ -280,17 +272,17 @@ def _cluster(jobs: int | None, scheduler: str | None, progress: Progress) -> Ite
         if scheduler is not None:
             client = stack.enter_context(Client(scheduler, timeout=10, set_as_default=False))
         else:
-            local = LocalCluster(
-                n_workers=jobs or os.cpu_count() or 1,
-                threads_per_worker=1,
-                dashboard_address="127.0.0.1:0",  # there is a server even without a dashboard
-                scheduler_kwargs={"dashboard": False},
-                local_directory=stack.enter_context(tempfile.TemporaryDirectory()),
-                memory_limit=0,  # Dask would stop workers at their share of the memory
-                silence_logs=logging.CRITICAL,
-            )
+            with for_this_process_alone():
+                local = LocalCluster(
+                    n_workers=jobs or os.cpu_count() or 1,
+                    threads_per_worker=1,
+                    dashboard_address="127.0.0.1:0",  # there is a server even without a dashboard
+                    scheduler_kwargs={"dashboard": False},
+                    local_directory=stack.enter_context(scratch()),
+                    memory_limit=0,  # Dask would stop workers at their share of the memory
+                    silence_logs=logging.CRITICAL,
+                )
             client = stack.enter_context(Client(stack.enter_context(local), set_as_default=False))
-            client.register_plugin(_Deaf())
         for worker, versions in client.run(_versions).items():
             if versions != _versions():
                 raise ValueError(f"worker {worker} must have {_versions()}, has {versions}")

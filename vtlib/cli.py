@@ -1,0 +1,125 @@
+"""Command line: python -m vtlib run | verify | reproduce | bench."""
+
+from __future__ import annotations
+
+import argparse
+import re
+import sys
+from pathlib import Path
+from typing import Any
+
+import torch
+from distributed import KilledWorker
+
+from vtlib import bench
+from vtlib.checks import one_line
+from vtlib.experiments import EXPERIMENTS, THESIS, named, store
+from vtlib.experiments.check import differing, report, reproduce, verify
+from vtlib.experiments.schedule import complete
+from vtlib.training import Diverged
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run one command; errors of the user's making are one line and exit code 2."""
+    options = _parser().parse_args(arguments)
+    torch.set_num_threads(1)
+    try:
+        return int(options.command(options))
+    except (ValueError, OSError, store.TornResult, Diverged) as error:
+        print(f"vtlib: {one_line(error)}", file=sys.stderr)
+        return 2
+    except KilledWorker:
+        print("vtlib: workers were killed; the same command goes on from here", file=sys.stderr)
+        return 2
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="python -m vtlib", description=__doc__)
+    commands = parser.add_subparsers(required=True, metavar="command")
+    run = commands.add_parser("run", help="compute what an experiment still lacks, and store it")
+    run.add_argument("experiment", help=f"one of {', '.join(EXPERIMENTS)}")
+    run.set_defaults(command=_run)
+    verify = commands.add_parser("verify", help="recompute the head of every stored run")
+    verify.add_argument("experiment", nargs="*", help="all when none is named")
+    verify.set_defaults(command=_verify)
+    again = commands.add_parser("reproduce", help="compute everything anew and compare")
+    again.add_argument(
+        "--only",
+        action="append",
+        metavar="EXPERIMENT",
+        help="may be repeated; thesis for those of its figures",
+    )
+    again.add_argument("--runs", type=_positive, help="only the first so many of each experiment")
+    again.add_argument(
+        "--fresh",
+        type=Path,
+        help="where to compute it: _build/reproduced, or _build/reproduced-N with --runs N",
+    )
+    again.set_defaults(command=_reproduce)
+    for command in (run, verify, again):
+        command.add_argument("--results", type=Path, default=store.results_folder())
+    for command in (run, again):
+        where = command.add_mutually_exclusive_group()
+        where.add_argument("--jobs", type=_positive, help="processes; one per core if not given")
+        where.add_argument(
+            "--scheduler", metavar="ADDRESS", help="of a Dask cluster to use instead"
+        )
+        command.add_argument(
+            "--device",
+            type=_device,
+            default="cpu",
+            help="where posteriors and their networks are kept: cpu, or cuda",
+        )
+    speed = commands.add_parser("bench", help="milliseconds per run and iteration on one core")
+    speed.set_defaults(command=lambda options: bench.main())
+    return parser
+
+
+def _positive(text: str) -> int:
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"must be a whole number of at least 1, got {text!r}")
+    return int(text)
+
+
+def _device(text: str) -> str:
+    if not re.fullmatch("cpu|cuda(:[0-9]{1,3})?", text):
+        raise argparse.ArgumentTypeError(f"must be cpu, cuda or cuda:N, got {text!r}")
+    return text
+
+
+def _workers(options: argparse.Namespace) -> dict[str, Any]:
+    count, device = torch.cuda.device_count(), torch.device(options.device)
+    if not options.scheduler and device.type == "cuda" and (device.index or 0) >= count:
+        raise ValueError(f"--device must be among the {count} of CUDA here, got {options.device}")
+    return {name: getattr(options, name) for name in ("jobs", "scheduler", "device")}
+
+
+def _run(options: argparse.Namespace) -> int:
+    complete([named(options.experiment)], options.results, **_workers(options))
+    print(f"{options.experiment} is complete under {options.results}")
+    return 0
+
+
+def _verify(options: argparse.Namespace) -> int:
+    experiments = [named(name) for name in options.experiment or EXPERIMENTS]
+    bad = 0
+    for name, (wrong, parted) in verify(*experiments, root=options.results):
+        bad += len(wrong)
+        outcome = f"differs in {wrong}" if wrong else "verified"
+        if parted:
+            outcome += f", {parted} until rounding parted them"
+        print(f"{name}: {outcome}", flush=True)
+    return 1 if bad else 0
+
+
+def _reproduce(options: argparse.Namespace) -> int:
+    names: list[str] = []
+    for name in options.only or EXPERIMENTS:
+        names += THESIS if name == "thesis" else [name]
+    experiments = [named(name) for name in dict.fromkeys(names)]
+    beside = f"reproduced-{options.runs}" if options.runs else "reproduced"
+    fresh = options.fresh or Path("_build", beside)
+    comparisons = reproduce(experiments, options.results, fresh, options.runs, **_workers(options))
+    for line in report(comparisons):
+        print(line)
+    return 1 if differing(comparisons) else 0

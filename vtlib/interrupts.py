@@ -1,0 +1,58 @@
+"""Ctrl-C and the like end a command at once: what is stored is whole, whenever that happens.
+
+An orderly end would wait for workers, which are what one may want to be rid of. Files appear under
+their names only when they are complete, so nothing has to be tidied up but processes and scratch.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import multiprocessing
+import os
+import shutil
+import signal
+import sys
+import tempfile
+from collections.abc import Iterator
+from multiprocessing import resource_tracker
+from pathlib import Path
+from types import FrameType
+
+LINE = b"\nvtlib: interrupted; the same command goes on from here\n"
+
+
+def end_at_once() -> None:
+    """From now on SIGINT and SIGTERM end this process, with one line and exit code 128 + signal."""
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, _end)
+
+
+def scratch() -> tempfile.TemporaryDirectory[str]:
+    """A folder that goes when this process ends, however it is ended short of SIGKILL."""
+    return tempfile.TemporaryDirectory(prefix=_prefix())
+
+
+@contextlib.contextmanager
+def for_this_process_alone() -> Iterator[None]:
+    """Threads and processes begun meanwhile never see SIGINT, which a terminal sends to all."""
+    # It tidies up after the others and says so; begun later, it would let signals in again.
+    sys.warnoptions.append("ignore::UserWarning:multiprocessing.resource_tracker")
+    resource_tracker.ensure_running()
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def _prefix() -> str:
+    return f"vtlib-{os.getpid()}-"
+
+
+def _end(number: int, frame: FrameType | None) -> None:
+    os.write(2, LINE)
+    for child in multiprocessing.active_children():
+        child.kill()
+    for folder in Path(tempfile.gettempdir()).glob(f"{_prefix()}*"):
+        shutil.rmtree(folder, ignore_errors=True)
+    os._exit(128 + number)
