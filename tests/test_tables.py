@@ -113,12 +113,15 @@ class Compared:
 
     printed: Mapping[str, None] = MappingProxyType({"GVT": None, "NT": None})
 
+    def __init__(self, *protocols: str) -> None:
+        self.protocols = protocols
+
     def overlap(self, protocol: str, label: str, kind: str) -> float:
         return 0.1 * len(label) + (kind == "greedy") / 100 + (protocol == "equations") / 2
 
 
 def test_overlaps_have_a_row_for_each_published_curve():
-    head, *rows = rows_of(tables.overlap_table({"A & B": Compared()}))
+    head, *rows = rows_of(tables.overlap_table({"A & B": Compared("published", "equations")}))
     assert head == ["figure", "algorithm", "return", "As published", "By the equations"]
     assert rows == [
         ["A & B", "GVT", "learning", "30%", "80%"],
@@ -126,6 +129,8 @@ def test_overlaps_have_a_row_for_each_published_curve():
         ["A & B", "NT", "learning", "20%", "70%"],
         ["A & B", "NT", "greedy", "21%", "71%"],
     ]
+    _, first, *_ = rows_of(tables.overlap_table({"A": Compared("published")}))
+    assert first == ["A", "GVT", "learning", "30%", "not run"]
 
 
 def test_what_sources_cost_is_told_with_what_they_save():

@@ -82,8 +82,14 @@ def tally(claims: Iterable[Claim], protocol: str) -> dict[str, int]:
 
 def overlap_table(figures: Mapping[str, Figure]) -> str:
     """Share of the iterations at which our interval meets the published one, for each curve."""
+
+    def share(figure: Figure, protocol: str, label: str, kind: str) -> str:
+        if protocol not in figure.protocols:
+            return "not run"
+        return f"{figure.overlap(protocol, label, kind):.0%}"
+
     rows = [
-        [title, label, kind, *(f"{figure.overlap(x, label, kind):.0%}" for x in PROTOCOLS)]
+        [title, label, kind, *(share(figure, x, label, kind) for x in PROTOCOLS)]
         for title, figure in figures.items()
         for label in figure.printed
         for kind in ("learning", "greedy")

@@ -314,8 +314,7 @@ def test_an_interrupt_at_any_moment_ends_in_one_line_and_with_all_processes(tmp_
         assert line == "vtlib: interrupted; the same command goes on from here"
         assert all("left" in shown for shown in bar if shown), err
         assert not list(Path(tempfile.gettempdir()).glob(f"vtlib-{command.process.pid}-*"))
-    last = Command(tmp_path, tmp_path / "results", iterations)
+    root = tmp_path / "results"
+    last = Command(tmp_path, root, iterations)
     out, err = last.process.communicate()
-    assert (last.process.returncode, out) == (0, f"tiny is complete under {tmp_path}/results\n"), (
-        err
-    )
+    assert (last.process.returncode, out) == (0, f"tiny is complete under {root}\n"), err

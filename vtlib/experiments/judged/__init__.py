@@ -9,6 +9,7 @@ from collections.abc import Callable, Mapping
 
 from vtlib.claims import Claim
 from vtlib.experiments.judged.control import cartpole, mountain_car
+from vtlib.experiments.judged.mazes import mazes
 from vtlib.experiments.judged.rooms import (
     rooms_distribution_change,
     rooms_evaluation,
@@ -28,5 +29,6 @@ PAGES: Mapping[str, Callable[[], list[Claim]]] = {
         rooms_number_of_sources,
         cartpole,
         mountain_car,
+        mazes,
     )
 }
