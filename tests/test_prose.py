@@ -62,7 +62,6 @@ TYPED = [
     ("rooms_exploration", f"lasts only {EXPLORATION.iterations:,} iterations"),
     ("rooms_number_of_sources", f"and after {ROOMS_SOURCES.published.iterations:,}, below"),
     ("mazes", f"against {MAZE.iterations:,} iterations"),
-    ("mazes", f"over {MAZE.iterations:,} iterations"),
 ]
 
 
