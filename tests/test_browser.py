@@ -158,7 +158,7 @@ def test_each_slider_shows_the_picture_of_its_setting(
 MOMENTS = {
     "rooms_exploration": ((0, 50, 100), 2000, 1),
     "mountain_car": ((0, 200, 500), 5000, 2),
-    "mazes": ((0, 500, 1000), 6000, 1),
+    "mazes": ((0, 500, 1000), 4000, 1),
 }
 
 

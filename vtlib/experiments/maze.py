@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from attrs import evolve
 
-from vtlib.baselines import DDQNSettings, FineTuning
+from vtlib.baselines import DDQNSettings, FineTuning, MellowTDSettings
 from vtlib.envs.maze import MazeFamily
 from vtlib.experiments.experiment import Algorithm, Experiment, Pool, sliders_of
 from vtlib.experiments.protocols import (
@@ -82,6 +82,12 @@ def _target(number: int) -> Protocols:
 
 MAZE_TARGETS = {number: _target(number) for number in TARGETS}
 DIAGONAL = "1-MGVT-diagonal"
+# The mixtures' learner without any source: what their lead over DDQN owes to transfer.
+MAZE_NOTHING = evolve(
+    MAZE_TARGETS[MAIN].published,
+    name="maze-no-transfer",
+    algorithms={"NT": MellowTDSettings(epsilon_steps=ITERATIONS // 10)},
+)
 # A posterior without correlations; and sources by the text with the published settings.
 MAZE_INGREDIENTS = evolve(
     MAZE_TARGETS[MAIN].published,
@@ -106,4 +112,4 @@ MAZE_SLIDERS = sliders_of(
 )
 
 # The other targets and protocol, and what is named above, are to be run.
-EXPERIMENTS = (MAZE_TARGETS[MAIN].published,)
+EXPERIMENTS = (MAZE_TARGETS[MAIN].published, MAZE_NOTHING)

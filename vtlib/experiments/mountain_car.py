@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from attrs import evolve
 
-from vtlib.baselines import DDQNSettings, FineTuning
+from vtlib.baselines import DDQNSettings, FineTuning, MellowTDSettings
 from vtlib.envs.mountain_car import MountainCarFamily
 from vtlib.experiments.experiment import Algorithm, Experiment, Pool, slider_lambdas, sliders_of
 from vtlib.experiments.protocols import (
@@ -77,6 +77,12 @@ CAR_STEPS = evolve(
     },
     iterations=10_000,
 )
+# The mixtures' learner without any source: what their lead over DDQN owes to transfer.
+CAR_NOTHING = evolve(
+    CAR.published,
+    name="mountain-car-no-transfer",
+    algorithms={"NT": MellowTDSettings(epsilon_steps=DDQN.epsilon_steps, minibatch=500)},
+)
 # Nobody had checked the published sources: they are what so many iterations leave.
 CAR_UNCHECKED = evolve(
     CAR.published,
@@ -87,4 +93,4 @@ CAR_UNCHECKED = evolve(
 CAR_LAMBDAS = slider_lambdas(MGVT)[::2]  # fewer than elsewhere: these are the longest runs
 CAR_SLIDERS = sliders_of(CAR.published, "mountain-car-sliders", 10, 2_000, CAR_LAMBDAS)
 
-EXPERIMENTS = (*CAR, CAR_STEPS, CAR_UNCHECKED, CAR_SLIDERS)
+EXPERIMENTS = (*CAR, CAR_NOTHING, CAR_STEPS, CAR_UNCHECKED, CAR_SLIDERS)
