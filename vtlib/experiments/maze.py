@@ -4,31 +4,19 @@ from __future__ import annotations
 
 from attrs import evolve
 
-from vtlib.baselines import DDQNSettings, FineTuning, MellowTDSettings
+from vtlib.baselines import DDQNSettings, MellowTDSettings
 from vtlib.envs.maze import MazeFamily
-from vtlib.experiments.experiment import Algorithm, Experiment, Pool, sliders_of
-from vtlib.experiments.protocols import (
-    FINE_TUNED,
-    FINE_TUNED_GREEDY,
-    FROM_MEAN,
-    Protocols,
-    as_published,
-)
+from vtlib.experiments.experiment import Experiment, Pool, sliders_of
+from vtlib.experiments.protocols import Protocols, as_published, fine_tuning
 from vtlib.transfer import Settings
 
 ITERATIONS = 20_000
 SOURCE_ITERATIONS = 200_000
 DDQN = DDQNSettings(epsilon_steps=ITERATIONS // 10, minibatch=70, buffer=10_000, target_every=100)
-DDQN_GREEDY = evolve(DDQN, epsilon_start=DDQN.epsilon_end)
 GVT = Settings(family="gaussian", lambda_=1e-6, buffer=50_000, alpha_L=1e-7)
 MGVT = evolve(GVT, family="mixture", alpha_L=1e-6)
 # In the mazes the published GVT, too, has the divergence of diag(L) alone.
 PUBLISHED_GVT, PUBLISHED_MGVT = evolve(as_published(GVT), kl="diagonal"), as_published(MGVT)
-FINE_TUNING: dict[str, Algorithm] = {
-    FINE_TUNED: FineTuning(DDQN),
-    FINE_TUNED_GREEDY: FineTuning(DDQN_GREEDY),
-    FROM_MEAN: FineTuning(DDQN_GREEDY, "mean"),
-}
 
 FAMILY = MazeFamily()
 MAZES = Pool(
@@ -58,7 +46,7 @@ def _target(number: int) -> Protocols:
             **{f"{c}-MGVT": evolve(PUBLISHED_MGVT, components=c) for c in reversed(mixtures)},
             "GVT": PUBLISHED_GVT,
             "DDQN": DDQN,
-            **FINE_TUNING,
+            **fine_tuning(DDQN),
         },
         sources=5,
         iterations=ITERATIONS,

@@ -4,16 +4,10 @@ from __future__ import annotations
 
 from attrs import evolve
 
-from vtlib.baselines import DDQNSettings, FineTuning, MellowTDSettings
+from vtlib.baselines import DDQNSettings, MellowTDSettings
 from vtlib.envs.mountain_car import MountainCarFamily
-from vtlib.experiments.experiment import Algorithm, Experiment, Pool, slider_lambdas, sliders_of
-from vtlib.experiments.protocols import (
-    FINE_TUNED,
-    FINE_TUNED_GREEDY,
-    FROM_MEAN,
-    Protocols,
-    as_published,
-)
+from vtlib.experiments.experiment import Experiment, Pool, slider_lambdas, sliders_of
+from vtlib.experiments.protocols import Protocols, as_published, fine_tuning, transfer
 from vtlib.transfer import Settings
 
 ITERATIONS, SOURCE_ITERATIONS = 40_000, 50_000
@@ -31,26 +25,15 @@ CARS = Pool(
 GVT = Settings(family="gaussian", lambda_=1e-5, minibatch=500, alpha_L=1e-4)
 MGVT = evolve(GVT, family="mixture")
 DDQN = DDQNSettings(epsilon_steps=int(0.15 * ITERATIONS), minibatch=32)
-DDQN_GREEDY = evolve(DDQN, epsilon_start=DDQN.epsilon_end)
-FINE_TUNING: dict[str, Algorithm] = {
-    FINE_TUNED: FineTuning(DDQN),
-    FINE_TUNED_GREEDY: FineTuning(DDQN_GREEDY),
-    FROM_MEAN: FineTuning(DDQN_GREEDY, "mean"),
-}
-
-
-def _transfer(gaussian: Settings, mixture: Settings) -> dict[str, Algorithm]:
-    return {"3-MGVT": evolve(mixture, components=3), "GVT": gaussian, "1-MGVT": mixture}
-
 
 _PUBLISHED = Experiment(
     name="mountain-car",
     pool=CARS,
     family=CARS.family,
     algorithms={
-        **_transfer(as_published(GVT), as_published(MGVT)),
+        **transfer(as_published(GVT), as_published(MGVT)),
         "DDQN": DDQN,
-        **FINE_TUNING,
+        **fine_tuning(DDQN),
     },
     iterations=ITERATIONS,
     every=200,
@@ -63,7 +46,7 @@ CAR = Protocols(
         name="mountain-car-equations",
         pool=evolve(CARS, name="mountain-car-sources-equations", family=MountainCarFamily()),
         family=MountainCarFamily(),
-        algorithms={**_transfer(GVT, MGVT), "DDQN": DDQN},
+        algorithms={**transfer(GVT, MGVT), "DDQN": DDQN},
         each=False,
     ),
 )

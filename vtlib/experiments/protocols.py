@@ -7,11 +7,13 @@ posterior are here.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 from attrs import evolve
 
-from vtlib.experiments.experiment import Experiment
+from vtlib.baselines import DDQNSettings, FineTuning, MellowTDSettings
+from vtlib.experiments.experiment import Algorithm, Experiment
 from vtlib.transfer import Settings
 
 KL_CLIP = 100.0
@@ -36,3 +38,22 @@ def as_published(settings: Settings) -> Settings:
     if settings.family == "gaussian":
         return evolve(settings, init="span", ddof=1, kl_clip=KL_CLIP)
     return evolve(settings, init="mean", responsibilities="equal", kl="diagonal")
+
+
+def transfer(
+    gaussian: Settings, mixture: Settings, counts: Sequence[int] = (3,)
+) -> dict[str, Algorithm]:
+    """GVT, 1-MGVT and mixtures of so many components by their labels, the longest first."""
+    mixtures = {f"{c}-MGVT": evolve(mixture, components=c) for c in counts}
+    return {**mixtures, "GVT": gaussian, "1-MGVT": mixture}
+
+
+def fine_tuning(learner: MellowTDSettings | DDQNSettings) -> dict[str, Algorithm]:
+    """A learner without transfer, started from sources, by the labels above."""
+    # hardly explores: what its start knows is all that it has
+    greedy = evolve(learner, epsilon_start=learner.epsilon_end)
+    return {
+        FINE_TUNED: FineTuning(learner),
+        FINE_TUNED_GREEDY: FineTuning(greedy),
+        FROM_MEAN: FineTuning(greedy, "mean"),
+    }

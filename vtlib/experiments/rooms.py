@@ -6,15 +6,16 @@ from typing import Any
 
 from attrs import evolve
 
-from vtlib.baselines import FineTuning, MellowTDSettings
+from vtlib.baselines import MellowTDSettings
 from vtlib.envs.rooms import RoomsFamily
-from vtlib.experiments.experiment import Algorithm, Experiment, Pool
+from vtlib.experiments.experiment import Experiment, Pool
 from vtlib.experiments.protocols import (
     FINE_TUNED,
     FINE_TUNED_GREEDY,
-    FROM_MEAN,
     Protocols,
     as_published,
+    fine_tuning,
+    transfer,
 )
 from vtlib.transfer import Settings
 
@@ -27,17 +28,6 @@ GVT = Settings(family="gaussian", lambda_=1e-4)
 MGVT = Settings(family="mixture", lambda_=1e-6)
 PUBLISHED_GVT = evolve(as_published(GVT), lambda_=1e-3, buffer=PUBLISHED_BUFFER)
 PUBLISHED_MGVT = evolve(as_published(MGVT), buffer=PUBLISHED_BUFFER)
-FINE_TUNING: dict[str, Algorithm] = {
-    FINE_TUNED: FineTuning(NT),
-    FINE_TUNED_GREEDY: FineTuning(NT_GREEDY),
-    FROM_MEAN: FineTuning(NT_GREEDY, "mean"),
-}
-
-
-def _transfer(gaussian: Settings, mixture: Settings, *counts: int) -> dict[str, Algorithm]:
-    """GVT and mixtures of so many components, the longest first."""
-    mixtures = {f"{c}-MGVT": evolve(mixture, components=c) for c in counts}
-    return {**mixtures, "GVT": gaussian, "1-MGVT": mixture}
 
 
 def _protocols(
@@ -61,9 +51,9 @@ def _protocols(
         pool,
         family,
         {
-            **_transfer(PUBLISHED_GVT, PUBLISHED_MGVT, *counts),
+            **transfer(PUBLISHED_GVT, PUBLISHED_MGVT, counts),
             "NT": nt,
-            **(FINE_TUNING if fine else {}),
+            **(fine_tuning(NT) if fine else {}),
         },
         each=True,
         **{"iterations": ITERATIONS, **fields},
@@ -74,7 +64,7 @@ def _protocols(
         name=f"{name}-equations",
         pool=stopped,
         family=evolve(family, stops=True),
-        algorithms={**_transfer(GVT, MGVT, *counts), "NT": nt},
+        algorithms={**transfer(GVT, MGVT, counts), "NT": nt},
         each=False,
     )
     return Protocols(published, equations)
