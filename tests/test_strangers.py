@@ -21,7 +21,8 @@ from attrs import frozen
 from vtlib.baselines import DDQNSettings, MellowTDSettings
 from vtlib.envs.base import TaskBatch, TaskFamily
 from vtlib.experiments import EXPERIMENTS, load, returns
-from vtlib.experiments.check import live_check, verify
+from vtlib.experiments.heads import live_check
+from vtlib.experiments.whole import verify
 from vtlib.experiments.experiment import Experiment, Pool
 from vtlib.experiments.schedule import complete
 from vtlib.qfunctions import MLP
@@ -98,8 +99,8 @@ if __name__ == "__main__":
     assert found.learning.dims == ("run", "iteration") and found.learning.shape == (4, 3)
     assert (found.greedy <= 1).all()
     assert load(POOL, "sources", root).goal.dims == ("source",)
-    for name, heads in verify(MINE, root=root):
-        assert heads == ([], []), name
+    for owner, label, found in verify(MINE, root=root):
+        assert not found.wrong and not found.parted, f"{owner.name}/{label}"
     print(live_check(MINE, "NT", 1, root))
 '''
 
@@ -194,7 +195,7 @@ import adam
 import low_rank
 from vtlib.experiments import returns, store
 from vtlib.experiments.cartpole import CARTPOLE, CARTPOLES, GVT, MGVT
-from vtlib.experiments.check import verify
+from vtlib.experiments.whole import check_runs
 from vtlib.experiments.schedule import complete
 
 MINE = evolve(
@@ -220,8 +221,8 @@ if __name__ == "__main__":
         found = returns(MINE, label, root)
         assert label.endswith(found.attrs["config"]["algorithm"]["covariance"])
         print(label, float(found.learning.isel(iteration=-1).mean()))
-    for name, heads in verify(MINE, root=root):
-        assert heads == ([], []), name
+    for label in MINE.algorithms:
+        assert check_runs(MINE, label, range(2), root).alike == [0, 1], label
 """
 
 

@@ -4,18 +4,26 @@ from __future__ import annotations
 
 import argparse
 import re
+import secrets
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import torch
 from distributed import KilledWorker
 
 from vtlib import bench
 from vtlib.checks import one_line
 from vtlib.experiments import EXPERIMENTS, THESIS, named, store
-from vtlib.experiments.check import differing, report, reproduce, verify
+from vtlib.experiments.experiment import Experiment
+from vtlib.experiments.heads import check_heads
+from vtlib.experiments.ledger import record
+from vtlib.experiments.reproduce import differing, report, reproduce
 from vtlib.experiments.schedule import complete
+from vtlib.experiments.store import results_behind
+from vtlib.experiments.whole import verify
 from vtlib.training import Diverged
 
 
@@ -39,8 +47,20 @@ def _parser() -> argparse.ArgumentParser:
     run = commands.add_parser("run", help="compute what an experiment still lacks, and store it")
     run.add_argument("experiment", help=f"one of {', '.join(EXPERIMENTS)}")
     run.set_defaults(command=_run)
-    verify = commands.add_parser("verify", help="recompute the head of every stored run")
+    names = ", ".join(EXPERIMENTS)
+    verify = commands.add_parser(
+        "verify",
+        help="recompute one whole run of every stored result, drawn at random",
+        epilog=f"Experiments: {names}",
+    )
     verify.add_argument("experiment", nargs="*", help="all when none is named")
+    how = verify.add_mutually_exclusive_group()
+    how.add_argument("--whole", action="store_true", help="all runs, whole")
+    how.add_argument("--heads", action="store_true", help="the first iterations of all runs")
+    how.add_argument("--seed", type=_natural, help="draw the runs that this number drew before")
+    verify.add_argument(
+        "--record", action="store_true", help="note in the results' folder what was computed anew"
+    )
     verify.set_defaults(command=_verify)
     again = commands.add_parser("reproduce", help="compute everything anew and compare")
     again.add_argument(
@@ -81,6 +101,12 @@ def _positive(text: str) -> int:
     return int(text)
 
 
+def _natural(text: str) -> int:
+    if not text.isdecimal():
+        raise argparse.ArgumentTypeError(f"must be a whole number of at least 0, got {text!r}")
+    return int(text)
+
+
 def _device(text: str) -> str:
     if not re.fullmatch("cpu|cuda(:[0-9]{1,3})?", text):
         raise argparse.ArgumentTypeError(f"must be cpu, cuda or cuda:N, got {text!r}")
@@ -103,13 +129,39 @@ def _run(options: argparse.Namespace) -> int:
 def _verify(options: argparse.Namespace) -> int:
     experiments = [named(name) for name in options.experiment or EXPERIMENTS]
     bad = 0
-    for name, (wrong, parted) in verify(*experiments, root=options.results):
-        bad += len(wrong)
-        outcome = f"differs in {wrong}" if wrong else "verified"
-        if parted:
-            outcome += f", {parted} until rounding parted them"
+    for name, wrong, outcome in (_heads if options.heads else _whole)(experiments, options):
+        bad += wrong
         print(f"{name}: {outcome}", flush=True)
     return 1 if bad else 0
+
+
+def _heads(
+    experiments: list[Experiment], options: argparse.Namespace
+) -> Iterator[tuple[str, int, str]]:
+    """Of each result its name, how many heads are wrong, and what to say."""
+    for owner, label in results_behind(experiments):
+        wrong, parted = check_heads(owner, label, options.results)
+        outcome = f"differs in {wrong}" if wrong else "heads verified"
+        beside = f", {parted} until rounding parted them" if parted else ""
+        yield f"{owner.name}/{label}", len(wrong), outcome + beside
+
+
+def _whole(
+    experiments: list[Experiment], options: argparse.Namespace
+) -> Iterator[tuple[str, int, str]]:
+    """The same of whole runs: one of each result, or all."""
+    rng = None
+    if not options.whole:
+        seed = secrets.randbits(32) if options.seed is None else options.seed
+        rng = np.random.default_rng(seed)
+        print(f"one run of each result, drawn with --seed {seed}", flush=True)
+    for owner, label, found in verify(*experiments, root=options.results, rng=rng):
+        if options.record:
+            record(owner, label, found, options.results)
+        said = [f"{found.alike} verified whole"] if found.alike else []
+        said += [f"{m} verified until rounding parts it at {t:,}" for m, t in found.parted.items()]
+        said += [f"{m} DIFFERS: {what}" for m, what in found.wrong.items()]
+        yield f"{owner.name}/{label}", len(found.wrong), ", ".join(said)
 
 
 def _reproduce(options: argparse.Namespace) -> int:

@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 
 from vtlib import bench, cli
 from vtlib.experiments import EXPERIMENTS, THESIS, run, schedule, store
+from vtlib.experiments.ledger import recorded
 
 RESULTS = ("tiny-pool/sources", "tiny/tasks", "tiny/NT", "tiny/GVT")
 
@@ -64,14 +65,35 @@ def test_run_says_where_the_results_are_and_touches_what_is_complete(stored, cap
 
 def test_verify_names_what_differs(stored, capsys):
     for names in (["tiny", "tiny"], []):
-        assert main("verify", *names, "--results", stored) == 0
-        assert capsys.readouterr().out == "".join(f"{name}: verified\n" for name in RESULTS)
+        assert main("verify", *names, "--whole", "--results", stored) == 0
+        said = "[0, 1, 2] verified whole"
+        assert capsys.readouterr().out == "".join(f"{name}: {said}\n" for name in RESULTS)
     prints = store.read(stored / "tiny/GVT")[0]["fingerprints"]
     prints[1, 0, 2] += 0.1
     rewrite(stored / "tiny/GVT", fingerprints=prints)
-    assert main("verify", "tiny", "--results", stored) == 1
+    assert main("verify", "tiny", "--heads", "--results", stored) == 1
     lines = capsys.readouterr().out.splitlines()
-    assert lines == [f"{x}: {'differs in [1]' if 'GVT' in x else 'verified'}" for x in RESULTS]
+    said = {name: "differs in [1]" if "GVT" in name else "heads verified" for name in RESULTS}
+    assert lines == [f"{x}: {said[x]}" for x in RESULTS]
+    assert main("verify", "tiny", "--whole", "--results", stored) == 1
+    line = next(x for x in capsys.readouterr().out.splitlines() if "tiny/GVT" in x)
+    assert re.fullmatch(
+        r"tiny/GVT: \[0, 2\] verified whole, "
+        r"1 DIFFERS: fingerprints at iteration 1 is [-.\d]+, anew [-.\d]+",
+        line,
+    )
+
+
+def test_verify_draws_a_run_of_each_result_and_can_draw_it_again(small, stored, capsys):
+    assert main("verify", "tiny", "--record", "--results", stored) == 0
+    first, *lines = capsys.readouterr().out.splitlines()
+    seed = re.fullmatch(r"one run of each result, drawn with --seed (\d+)", first)[1]
+    assert main("verify", "tiny", "--results", stored, "--seed", seed) == 0
+    assert capsys.readouterr().out.splitlines() == [first, *lines]
+    drawn = {
+        line.rsplit(": ", 1)[0]: re.search(r"\[(\d)\] verified whole", line)[1] for line in lines
+    }
+    assert {x["result"]: x["member"] for x in recorded(store.results_of(small), stored)} == drawn
 
 
 def test_reproduce_computes_anew_and_names_what_differs(stored, tmp_path, capsys, monkeypatch):
@@ -86,7 +108,7 @@ def test_reproduce_computes_anew_and_names_what_differs(stored, tmp_path, capsys
     rewrite(stored / "tiny/tasks", sources=chosen[:, ::-1])
     assert main(*arguments, "--runs", 1) == 1
     out = capsys.readouterr().out
-    assert "  tasks: other tasks, permutation test p = 0.0000: DIFFERENT" in out
+    assert "  tasks: DIFFERENT: 1 of 1 differ, number 0 first: sources is " in out
     assert "1 DIFFER" in out
     fresh = tmp_path / "_build" / "reproduced-1"
     assert len(store.read(fresh / "tiny/GVT")[0]["run"]) == 1

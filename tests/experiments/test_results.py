@@ -5,15 +5,15 @@ import secrets
 import numpy as np
 import pytest
 
-from vtlib.experiments import EXPERIMENTS, POOLS, load
-from vtlib.experiments.check import check_heads
-from vtlib.experiments.store import results_folder, results_of
+from vtlib.experiments import EXPERIMENTS, POOLS, load, schedule
+from vtlib.experiments.heads import check_heads
+from vtlib.experiments.ledger import recorded
+from vtlib.experiments.store import results_behind, results_folder
+from vtlib.experiments.whole import check_runs, count_of, expected_seconds
 
 ROOT = results_folder()
-RESULTS = {
-    f"{o.name}/{label}": (o, label) for e in EXPERIMENTS.values() for o, label in results_of(e)
-}
-DRAWN = 6
+RESULTS = {f"{o.name}/{label}": (o, label) for o, label in results_behind(EXPERIMENTS.values())}
+HEADS, WHOLE_SECONDS, LONGEST = 4, 100, 40
 # not all sources are solved
 SHORT = {
     "cartpole-sources",
@@ -29,7 +29,7 @@ CORNER = "rooms-3-corner-sources"  # meant to show what is lost: most were never
 
 @pytest.mark.parametrize("name", EXPERIMENTS)
 def test_every_result_is_stored_under_the_present_configuration(name):
-    for owner, label in results_of(EXPERIMENTS[name]):
+    for owner, label in results_behind([EXPERIMENTS[name]]):
         found = load(owner, label)
         assert found.attrs["machine"]["torch"]
         for values in found.values():
@@ -76,11 +76,33 @@ def test_nothing_stored_is_stray():
     assert {name.removesuffix(".json") for name in stored} == RESULTS.keys()
 
 
-def test_runs_drawn_at_random_recompute():
+def drawn() -> tuple[int, list[tuple[str, int]]]:
+    """A seed, and every result in random order, each with one of its members."""
     seed = secrets.randbits(32)
     rng = np.random.default_rng(seed)
-    for name in rng.choice(list(RESULTS), DRAWN, replace=False):
-        owner, label = RESULTS[name]
-        member = int(rng.integers(len(load(owner, label).coords.get("run", [0]))))
-        wrong = check_heads(owner, label, members=[member]).wrong
+    names = rng.permutation(list(RESULTS)).tolist()
+    return seed, [(name, int(rng.integers(count_of(RESULTS[name][0])))) for name in names]
+
+
+def test_heads_drawn_at_random_recompute():
+    seed, order = drawn()
+    for name, member in order[:HEADS]:
+        wrong = check_heads(*RESULTS[name], members=[member]).wrong
         assert wrong == [], f"{name} drawn with seed {seed}"
+
+
+def test_whole_runs_drawn_at_random_recompute(monkeypatch):
+    monkeypatch.setattr(schedule, "BATCH", 10)  # as they were computed
+    seed, order = drawn()
+    left = float(WHOLE_SECONDS)
+    for name, member in order:
+        seconds = expected_seconds(*RESULTS[name], member)
+        if seconds <= min(LONGEST, left):
+            left -= seconds
+            wrong = check_runs(*RESULTS[name], [member]).wrong
+            assert not wrong, f"{name} drawn with seed {seed}: {wrong}"
+
+
+def test_what_was_recomputed_is_noted_of_results_that_are_stored():
+    lines = recorded(list(RESULTS.values()))
+    assert all(0 <= int(x["member"]) < count_of(RESULTS[x["result"]][0]) for x in lines)

@@ -1,8 +1,8 @@
 """The book's experiments: a frozen configuration per figure; what runs, stores, verifies."""
 
 from vtlib.experiments import cartpole, maze, mountain_car, rooms
-from vtlib.experiments.check import live_check
 from vtlib.experiments.experiment import Experiment
+from vtlib.experiments.heads import live_check
 from vtlib.experiments.store import load, returns
 
 __all__ = ["EXPERIMENTS", "POOLS", "THESIS", "live_check", "load", "named", "returns"]

@@ -136,7 +136,7 @@ def run_batch(
     """
     more = {}
     how_long = experiment.iterations, experiment.every
-    if device == "cpu" and not (experiment.visits or experiment.probes):
+    if device == "cpu" and not _looked_at(experiment):
         curves = _returns(experiment, label, runs, weights, *how_long, progress)
     else:
         batch = prepare(experiment, label, runs, weights, device)
@@ -193,6 +193,19 @@ def prepare_natively(
         NativeRun(family, tasks, row, algorithm, given[row], stream, run)
         for row, run in enumerate(runs)
     ]
+
+
+def _looked_at(experiment: Experiment) -> bool:
+    """Whether more is asked for than returns, which only the engine tells."""
+    return bool(experiment.visits or experiment.probes)
+
+
+def by_kernels(experiment: Experiment, label: str) -> bool:
+    """Whether the stored result of a label is the kernels', which compute each run alone."""
+    if label not in experiment.algorithms or _looked_at(experiment):
+        return False
+    known = experiment.family, experiment.algorithms[label], experiment.sources_of(label)
+    return supports(*known)
 
 
 def head(

@@ -243,7 +243,8 @@ def _compute_all(
             if unit.pool and not store.exists(store.path_of(unit.pool, SOURCES, root)):
                 blocked.append((place, unit))
                 continue
-            given = unit, unit.pool and store.weights(unit.pool, root), client.id, device
+            weights = unit.pool and store.weights(unit.pool, root)
+            given = unit, weights, _progress_of(client), device
             future = client.submit(_in_worker, *given, pure=False, priority=-place)
             running[future] = unit
             futures.add(future)
@@ -286,9 +287,14 @@ def _cluster(jobs: int | None, scheduler: str | None, progress: Progress) -> Ite
         for worker, versions in client.run(_versions).items():
             if versions != _versions():
                 raise ValueError(f"worker {worker} must have {_versions()}, has {versions}")
-        client.subscribe_topic(client.id, lambda event: progress.tell(*event[1]))
-        stack.callback(client.unsubscribe_topic, client.id)
+        topic = _progress_of(client)
+        client.subscribe_topic(topic, lambda event: progress.tell(*event[1]))
+        stack.callback(client.unsubscribe_topic, topic)
         yield client
+
+
+def _progress_of(client: Client) -> str:
+    return f"{client.id} progress"  # under its bare name the scheduler tells of other things
 
 
 def _versions() -> dict[str, str]:

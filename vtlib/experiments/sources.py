@@ -104,17 +104,23 @@ def solve(
         better = again["solved"] | (again["greedy"] > found["greedy"][left])
         for key in ("weights", "iterations", "greedy", "solved"):
             found[key][np.array(left)[better]] = again[key][better]
-    tasks = pool_tasks(pool, sources)
-    evaluate = Evaluation(pool.family.q(), tasks, Rng(f"{pool.stream} fresh", sources), FRESH)
-    returns = evaluate.episodes(torch.from_numpy(found["weights"]).unsqueeze(1))
-    optimum = torch.from_numpy(found["optimum"])
     return {
         "index": np.array(sources),
-        **pool.family.values(tasks),
+        **pool.family.values(pool_tasks(pool, sources)),
         **found,
-        "fresh": returns.mean(1).numpy(),
-        "passes": pool.family.solved(returns, optimum, pool.required).numpy(),
+        **judge(pool, sources, found["weights"], found["optimum"]),
     }
+
+
+def judge(
+    pool: Pool, sources: Sequence[int], weights: np.ndarray, optimum: np.ndarray
+) -> dict[str, np.ndarray]:
+    """What weights (S, d) of some sources earn on fresh episodes (S,), and which pass (S,)."""
+    tasks, rng = pool_tasks(pool, sources), Rng(f"{pool.stream} fresh", sources)
+    evaluate = Evaluation(pool.family.q(), tasks, rng, FRESH)
+    returns = evaluate.episodes(torch.from_numpy(weights).unsqueeze(1))
+    passes = pool.family.solved(returns, torch.from_numpy(optimum), pool.required)
+    return {"fresh": returns.mean(1).numpy(), "passes": passes.numpy()}
 
 
 def _attempt(

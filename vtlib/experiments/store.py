@@ -13,6 +13,7 @@ import json
 import os
 import platform
 import tempfile
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -64,12 +65,13 @@ def save(path: Path, arrays: Arrays, provenance: Note) -> None:
     data = buffer.getvalue()
     note = {**provenance, "sha256": hashlib.sha256(data).hexdigest()}
     path.parent.mkdir(parents=True, exist_ok=True)
-    _write(path.with_name(path.name + ".npz"), data)
+    write_bytes(path.with_name(path.name + ".npz"), data)
     text = json.dumps(note, indent=1, sort_keys=True) + "\n"
-    _write(path.with_name(path.name + ".json"), text.encode())
+    write_bytes(path.with_name(path.name + ".json"), text.encode())
 
 
-def _write(path: Path, data: bytes) -> None:
+def write_bytes(path: Path, data: bytes) -> None:
+    """Write a file at once: whoever reads it meanwhile has the old one or the new."""
     handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
     try:
         with os.fdopen(handle, "wb") as file:
@@ -135,11 +137,6 @@ def same_arrays(a: Arrays, b: Arrays) -> bool:
 
 def machine(device: str = "cpu") -> dict[str, str]:
     """Versions and processor, and the device unless it is that, for the provenance of a result."""
-    try:
-        lines = Path("/proc/cpuinfo").read_text().splitlines()
-    except OSError:
-        lines = [f"model name: {platform.processor() or 'unknown'}"]
-    models = (line.split(":", 1)[1].strip() for line in lines if line.startswith("model name"))
     beside = {} if device == "cpu" else {"device": torch.cuda.get_device_name(device)}
     return {
         **beside,
@@ -147,14 +144,32 @@ def machine(device: str = "cpu") -> dict[str, str]:
         "torch": torch.__version__,
         "numpy": np.__version__,
         "system": f"{platform.system()} {platform.machine()}",
-        "processor": next(models, "unknown"),
+        "processor": _processor(),
     }
+
+
+def _processor() -> str:
+    """The processor's name; with its numbers, for machines to rent call several kinds alike."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text().split("\n\n", 1)[0].splitlines()
+    except OSError:
+        lines = []
+    told = {name.strip(): value.strip() for name, _, value in (x.partition(":") for x in lines)}
+    name = told.get("model name", platform.processor() or "unknown")
+    numbers = [told[x] for x in ("cpu family", "model", "stepping") if x in told]
+    return f"{name} ({'/'.join(numbers)})" if numbers else name
 
 
 def results_of(experiment: Experiment) -> list[tuple[Pool | Experiment, str]]:
     """The stored results behind an experiment, as owner and label: its pool's come first."""
     own = [TASKS, *experiment.algorithms]
     return [(experiment.pool, SOURCES), *((experiment, label) for label in own)]
+
+
+def results_behind(experiments: Iterable[Experiment]) -> list[tuple[Pool | Experiment, str]]:
+    """The stored results behind experiments, each once."""
+    found = {(o.name, label): (o, label) for e in experiments for o, label in results_of(e)}
+    return list(found.values())
 
 
 def path_of(owner: Pool | Experiment, label: str, root: Path | None = None) -> Path:

@@ -15,10 +15,15 @@ from vtlib.native.build import LEVELS, library
 
 
 @functools.cache
-def kernels() -> Any:
-    """The compiled kernels that suit this processor best; None where they were not compiled."""
+def level() -> str | None:
+    """Which of the compiled kernels suits this processor best; None where none was compiled."""
     capability = torch.backends.cpu.get_cpu_capability()
-    for level, needed in LEVELS.items():
-        if library(level).exists() and capability in needed:
-            return ctypes.CDLL(str(library(level)))
-    return None
+    fits = (x for x, needed in LEVELS.items() if library(x).exists() and capability in needed)
+    return next(fits, None)
+
+
+@functools.cache
+def kernels() -> Any:
+    """The compiled kernels of that level; None where there are none."""
+    best = level()
+    return best and ctypes.CDLL(str(library(best)))

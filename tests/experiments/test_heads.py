@@ -1,4 +1,4 @@
-"""Recomputed heads against stored ones, here and elsewhere; whole runs computed anew."""
+"""Recomputed heads against stored ones, here and elsewhere."""
 
 from __future__ import annotations
 
@@ -13,17 +13,7 @@ from vtlib import rng, transfer
 from vtlib.envs.rooms import Rooms
 from vtlib.experiments import run, sources, store
 from vtlib.experiments.cartpole import CARTPOLE
-from vtlib.experiments.check import (
-    Comparison,
-    check_heads,
-    compare,
-    differing,
-    first_runs,
-    live_check,
-    report,
-    reproduce,
-    verify,
-)
+from vtlib.experiments.heads import check_heads, live_check
 from vtlib.experiments.rooms import ROOMS_EVALUATION, THREE_ROOMS
 from vtlib.native import runs
 from vtlib.priors import MixturePrior
@@ -44,9 +34,9 @@ def rewrite(owner, label, root, **change):
 # --- heads ---------------------------------------------------------------------------------------
 
 
-def test_every_result_behind_an_experiment_is_verified_once(tiny, stored):
-    names = ["tiny-pool/sources", "tiny/tasks", *(f"tiny/{x}" for x in tiny.algorithms)]
-    assert list(verify(tiny, tiny, root=stored)) == [(name, ([], [])) for name in names]
+def test_heads_of_every_kind_of_result_are_verified(tiny, stored):
+    for owner, label in store.results_of(tiny):
+        assert check_heads(owner, label, stored) == ([], []), label
     assert check_heads(tiny, "2-MGVT", stored, [2]).wrong == []
 
 
@@ -229,95 +219,3 @@ def test_a_fault_in_solving_sources_is_caught(monkeypatch):
     assert check_heads(THREE_ROOMS, "sources", members=[3]).wrong == []
     monkeypatch.setattr(sources, "AttemptRng", lambda name, runs, _: rng.Rng(name + "x", runs))
     assert check_heads(THREE_ROOMS, "sources", members=[3]).wrong == [3]
-
-
-# --- whole runs computed anew --------------------------------------------------------------------
-
-RETURNS = np.random.default_rng(0).normal(0.5, 0.1, 20)
-
-
-def compared(tiny, tmp_path, old, new, label="NT", runs=20) -> Comparison:
-    """A stored result against one computed anew, both made up."""
-    many = evolve(tiny, runs=20, pool=evolve(tiny.pool, count=20))
-    few = first_runs(many, runs)
-    owner, fresh = (many.pool, many.pool) if label == "sources" else (many, few)
-    for folder, whose, arrays in (("old", owner, old), ("new", fresh, new)):
-        note = {"config": store.config_of(whose, label), "seconds": 12.0, "megabytes": 300}
-        store.save(store.path_of(whose, label, tmp_path / folder), arrays, note)
-    return compare(owner, fresh, label, tmp_path / "old", tmp_path / "new")
-
-
-def recorded(learning: np.ndarray) -> store.Arrays:
-    columns = np.stack([learning, learning], 1).astype(np.float32)
-    return {
-        "run": np.arange(len(learning)),
-        "iterations": np.array([100, 200]),
-        "learning": columns,
-    }
-
-
-@pytest.mark.parametrize(
-    ("new", "verdict"),
-    [
-        (RETURNS, "identical"),
-        (RETURNS + 1e-5, "equal up to rounding"),
-        (np.random.default_rng(1).permutation(RETURNS), "equal in distribution"),
-        (RETURNS - 0.2, "DIFFERENT"),
-    ],
-)
-def test_runs_are_compared_by_their_bits_their_values_and_their_distribution(
-    tiny, tmp_path, new, verdict
-):
-    found = compared(tiny, tmp_path, recorded(RETURNS), recorded(new))
-    assert verdict in report([found])[1]
-    assert differing([found]) == ([found] if verdict == "DIFFERENT" else [])
-    # the more is compared, the stronger must a difference be
-    assert differing([evolve(found, p=0.004), *[evolve(found, p=0.9)] * 9]) == []
-    assert (found.p is None) == (found.verdict == verdict)
-    if verdict == "DIFFERENT":
-        assert found.verdict == "learning returns 0.4817 stored, 0.2817 anew"
-
-
-def test_sources_are_compared_by_their_greedy_returns_and_other_tasks_always_differ(tiny, tmp_path):
-    old = {"greedy": RETURNS, "weights": np.zeros((20, 3)), "iterations": np.arange(20)}
-    found = compared(tiny, tmp_path, old, {**old, "greedy": RETURNS - 0.2}, "sources")
-    assert found.verdict.startswith("greedy returns")
-    assert found.p < 0.001
-    old, new = {"optimum": np.ones(20)}, {"optimum": np.full(20, 0.5)}
-    found = compared(tiny, tmp_path, old, new, "tasks")
-    assert (found.verdict, found.p) == ("other tasks", 0.0)
-
-
-def test_fewer_runs_are_compared_with_the_first_of_the_stored(tiny, tmp_path):
-    few = recorded(RETURNS[:3])
-    assert compared(tiny, tmp_path, recorded(RETURNS), few, runs=3).verdict == "identical"
-
-
-def test_first_runs_are_whole_tasks_and_no_more_than_there_are(tiny):
-    many = evolve(tiny, runs=20)
-    assert [first_runs(many, runs).runs for runs in (3, 99)] == [3, 20]
-    assert first_runs(evolve(many, runs_per_task=5), 6).runs == 10
-
-
-def test_reproduce_computes_anew_and_compares(tiny, stored, here, tmp_path):
-    store.remove(stored / "tiny/NT")
-    options = {"scheduler": here, "quiet": True}
-    found = reproduce([tiny], stored, tmp_path / "fresh", **options)
-    verdicts = {one.label: one.verdict for one in found}
-    assert verdicts.pop("NT") == "nothing stored to compare with"
-    assert set(verdicts.values()) == {"identical"}
-    first = reproduce([tiny], stored, tmp_path / "one", 1, **options)
-    assert {one.verdict for one in first if one.owner == "tiny-pool"} == {"identical"}
-    assert len(store.read(tmp_path / "one" / "tiny" / "GVT")[0]["run"]) == 1
-    assert differing(first) == []
-
-
-def test_the_report_adds_up_an_experiment():
-    each = [
-        Comparison("tiny", "NT", 10.0, 200, "identical"),
-        Comparison("tiny", "GVT", 20.0, 300, "nothing stored to compare with"),
-    ]
-    first, *others, last = report(each)
-    assert first == "tiny: 30 s of one core, 300 MB at most in a process"
-    assert others == ["  NT: identical", "  GVT: nothing stored to compare with"]
-    assert last.startswith("2 results compared, none differs")

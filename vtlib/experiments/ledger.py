@@ -1,0 +1,70 @@
+"""Which stored runs have been computed anew, whole: when, up to where, on what processor.
+
+A line belongs to the file whose digest it bears, so what is stored anew begins without any.
+"""
+
+from __future__ import annotations
+
+import csv
+import datetime
+import io
+from collections.abc import Sequence
+from pathlib import Path
+
+from vtlib.experiments import store
+from vtlib.experiments.experiment import Experiment, Pool
+from vtlib.experiments.whole import Whole
+
+NAME = "recomputed.csv"
+FIELDS = ("result", "member", "alike_until", "date", "processor", "sha256")
+END = "end"
+
+Line = dict[str, str]
+
+
+def record(owner: Pool | Experiment, label: str, whole: Whole, root: Path) -> None:
+    """Note of the members of a result that they were computed anew today, on this machine."""
+    digest = store.provenance(store.path_of(owner, label, root))["sha256"]
+    here = datetime.date.today().isoformat(), store.machine()["processor"], digest
+    until = dict.fromkeys(whole.alike, END) | {m: str(t) for m, t in whole.parted.items()}
+    name = f"{owner.name}/{label}"
+    new = {
+        (name, str(m)): dict(zip(FIELDS, (name, str(m), t, *here), strict=True))
+        for m, t in until.items()
+    }
+    kept = {(line["result"], line["member"]): line for line in _read(root)}
+    # up to its end is more than up to where rounding parted it
+    whole_already = {
+        k for k, x in kept.items() if x["alike_until"] == END and x["sha256"] == digest
+    }
+    kept |= {k: x for k, x in new.items() if x["alike_until"] == END or k not in whole_already}
+    text = io.StringIO()
+    writer = csv.DictWriter(text, FIELDS, lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(kept[key] for key in sorted(kept, key=lambda key: (key[0], int(key[1]))))
+    store.write_bytes(root / NAME, text.getvalue().encode())
+
+
+def recorded(
+    results: Sequence[tuple[Pool | Experiment, str]], root: Path | None = None
+) -> list[Line]:
+    """The lines that belong to results as they are stored now; none where nothing was noted."""
+    digests = {}
+    for owner, label in results:
+        path = store.path_of(owner, label, root)
+        digests[f"{owner.name}/{label}"] = store.provenance(path)["sha256"]
+    lines = _read(root or store.results_folder())
+    return [line for line in lines if digests.get(line["result"]) == line["sha256"]]
+
+
+def _read(root: Path) -> list[Line]:
+    path = root / NAME
+    if not path.exists():
+        return []
+    with path.open(newline="") as file:
+        lines = list(csv.DictReader(file))
+    if any(line.keys() != set(FIELDS) or None in line.values() for line in lines):
+        raise store.TornResult(
+            f"{path} is not what was written: each line needs {', '.join(FIELDS)}"
+        )
+    return lines

@@ -1,0 +1,147 @@
+"""Experiments computed again from nothing, in a folder of its own, beside what is stored."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import ceil
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from attrs import evolve, frozen
+
+from vtlib.experiments import store
+from vtlib.experiments.experiment import SOURCES, Experiment, Pool
+from vtlib.experiments.schedule import complete
+from vtlib.experiments.whole import compare_runs, count_of
+from vtlib.rng import generator
+from vtlib.stats import same_distribution_p
+
+LEVEL = 0.01  # how often a report may call runs different that are not, whatever it compares
+DRAWS = 1_000_000  # where 10,000 leave it open whether a p value is below a level
+
+
+@frozen
+class Comparison:
+    """How a result computed anew compares with the stored one.
+
+    different: for a reason that the verdict names. p: of the test of runs parted by rounding;
+    lowest: the least that so few runs could have given.
+    """
+
+    owner: str
+    label: str
+    seconds: float
+    megabytes: int
+    verdict: str
+    different: bool = False
+    p: float | None = None
+    lowest: float = 0.0
+
+
+def reproduce(
+    experiments: Sequence[Experiment],
+    root: Path,
+    fresh: Path,
+    runs: int | None = None,
+    **workers: Any,
+) -> list[Comparison]:
+    """Compute experiments under ``fresh``, resuming there, and compare with those under root.
+
+    Only the first ``runs`` of each are computed, if so many are asked for. workers: as for
+    ``schedule.complete``.
+    """
+    first = {e.name: e if runs is None else first_runs(e, runs) for e in experiments}
+    complete(list(first.values()), fresh, **workers)
+    pairs = {}
+    for e in experiments:
+        for (owner, label), (new, _) in zip(
+            store.results_of(e), store.results_of(first[e.name]), strict=True
+        ):
+            pairs[owner.name, label] = (owner, new, label)
+    return [compare(owner, new, label, root, fresh) for owner, new, label in pairs.values()]
+
+
+def first_runs(experiment: Experiment, runs: int) -> Experiment:
+    """The experiment with its first runs alone: all that tasks share which have one of them."""
+    whole = ceil(runs / experiment.runs_per_task) * experiment.runs_per_task
+    return evolve(experiment, runs=min(whole, experiment.runs))
+
+
+def compare(
+    owner: Pool | Experiment, new: Pool | Experiment, label: str, root: Path, fresh: Path
+) -> Comparison:
+    """A result stored under root against the one that ``new``, the first runs, left in fresh.
+
+    Run by run and number by number; those that rounding has parted, by their distribution.
+    """
+    anew, note = store.stored(new, label, fresh)
+    about = owner.name, label, note["seconds"], note.get("megabytes", 0)
+    if not store.exists(store.path_of(owner, label, root)):
+        return Comparison(*about, "nothing stored to compare with")
+    old = store.stored(owner, label, root)
+    members = range(count_of(new))
+    whole = compare_runs(owner, label, old, anew, members, note["machine"])
+    if whole.wrong:
+        first, what = next(iter(whole.wrong.items()))
+        verdict = f"{len(whole.wrong)} of {len(members)} differ, number {first} first: {what}"
+        return Comparison(*about, verdict, different=True)
+    if not whole.parted:
+        same = all(_bits(old[0][k][: len(anew[k])], anew[k]) for k in anew)
+        return Comparison(*about, "identical" if same else "equal up to rounding")
+    parted = list(whole.parted)
+    keys = ("greedy",) if label == SOURCES else ("learning", "greedy")
+    means, p = [], []
+    for key in keys:
+        a, b = (np.asarray(x[key], float)[parted].reshape(len(parted), -1) for x in (old[0], anew))
+        means.append(f"{key} {a.mean():.4f} stored, {b.mean():.4f} anew")
+        p.append(len(keys) * _p_value(a.mean(1), b.mean(1), f"{owner.name}/{label}/{key}"))
+    verdict = (
+        f"{len(whole.alike)} of {len(members)} alike, the others up to iteration "
+        f"{min(whole.parted.values()):,} or more, and then {'; '.join(means)}"
+    )
+    lowest = len(keys) * 2.0 ** (1 - len(parted))
+    return Comparison(*about, verdict, p=min(1.0, *p), lowest=lowest)
+
+
+def _bits(a: np.ndarray, b: np.ndarray) -> bool:
+    return store.same_arrays({"": a}, {"": b})
+
+
+def _p_value(a: np.ndarray, b: np.ndarray, name: str) -> float:
+    """P value of the hypothesis that stored and new runs could be exchanged; 1 with one run."""
+    if len(a) < 2:
+        return 1.0
+    p = same_distribution_p(a, b, generator(name, 0, "comparison"))
+    return p if p > LEVEL else same_distribution_p(a, b, generator(name, 1, "comparison"), DRAWS)
+
+
+def differing(comparisons: Sequence[Comparison]) -> list[Comparison]:
+    """Those that differ for a reason, or whose test says so (Bonferroni over all of them)."""
+    level = LEVEL / max(1, len(comparisons))
+    return [c for c in comparisons if c.different or (c.p is not None and c.p < level)]
+
+
+def report(comparisons: Sequence[Comparison]) -> list[str]:
+    """Lines to print: each pool and experiment with what it took, then its results."""
+    lines, bad = [], differing(comparisons)
+    for owner in dict.fromkeys(c.owner for c in comparisons):
+        mine = [c for c in comparisons if c.owner == owner]
+        seconds, peak = sum(c.seconds for c in mine), max(c.megabytes for c in mine)
+        lines.append(f"{owner}: {seconds:.0f} s of one core, {peak} MB at most in a process")
+        lines += [f"  {c.label}: {_outcome(c, c in bad, len(comparisons))}" for c in mine]
+    lines.append(
+        f"{len(comparisons)} results compared, "
+        + (f"{len(bad)} DIFFER" if bad else "none differs")
+        + f" (runs parted by rounding: Kolmogorov-Smirnov distance, level {LEVEL} over all)"
+    )
+    return lines
+
+
+def _outcome(c: Comparison, bad: bool, of: int) -> str:
+    if c.p is None:
+        return f"DIFFERENT: {c.verdict}" if bad else c.verdict
+    if c.lowest > LEVEL / of:
+        return f"{c.verdict}: too few runs to tell"
+    outcome = "DIFFERENT" if bad else "equal in distribution"
+    return f"{c.verdict}, permutation test p = {c.p:.4f}: {outcome}"

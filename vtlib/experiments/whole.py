@@ -1,0 +1,225 @@
+"""Whole runs computed anew, and every number that is stored of them beside its own.
+
+Learning is chaotic. Where the arithmetic may round otherwise than that of the stored run, rounding
+sends a run elsewhere sooner or later; up to there its numbers are the stored ones.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from vtlib import native
+from vtlib.checks import check_whole
+from vtlib.experiments import sources, store
+from vtlib.experiments.experiment import TASKS, Experiment, Pool
+from vtlib.experiments.run import by_kernels
+from vtlib.experiments.schedule import Unit, compute, units_of
+from vtlib.native.build import LEVELS
+from vtlib.training import FINGERPRINTS
+
+# Two machines round differently; what any change of the method, the seeds or the tasks does is
+# larger by orders of magnitude.
+RELATIVE = 1e-3
+ABSOLUTE = 1e-3
+TIES = 2  # evaluations of a run that rounding may change, where two actions are worth the same
+TRAINED = ("weights", "iterations", "greedy", "solved", "fresh", "passes")  # what sources end with
+
+
+class Whole(NamedTuple):
+    """What members (runs or sources) are, computed anew, beside what is stored of them.
+
+    alike: in every number, up to RELATIVE and ABSOLUTE. parted: alike up to the iteration named,
+    where rounding sends them elsewhere. wrong: what differs first, for another reason.
+    """
+
+    alike: list[int]
+    parted: dict[int, int]
+    wrong: dict[int, str]
+
+
+class Difference(NamedTuple):
+    """The first number of an array that differs, at its iteration (0 if of none), and how many."""
+
+    iteration: int
+    key: str
+    stored: object
+    anew: object
+    places: int = 1
+
+    def __str__(self) -> str:
+        at = f" at iteration {self.iteration}" if self.iteration else ""
+        return f"{self.key}{at} is {_short(self.stored)}, anew {_short(self.anew)}"
+
+
+def _short(value: object) -> str:
+    return f"{value:.7g}" if isinstance(value, np.floating) else str(value)
+
+
+def count_of(owner: Pool | Experiment) -> int:
+    """How many members each result of an owner has."""
+    return owner.count if isinstance(owner, Pool) else owner.runs
+
+
+def verify(
+    *experiments: Experiment, root: Path | None = None, rng: np.random.Generator | None = None
+) -> Iterator[tuple[Pool | Experiment, str, Whole]]:
+    """Compute every stored result behind experiments anew, or of each one member that rng draws."""
+    for owner, label in store.results_behind(experiments):
+        count = count_of(owner)
+        members = range(count) if rng is None else [int(rng.integers(count))]
+        yield owner, label, check_runs(owner, label, members, root)
+
+
+def check_runs(
+    owner: Pool | Experiment, label: str, members: Sequence[int], root: Path | None = None
+) -> Whole:
+    """Compute members of a stored result anew and compare all that is stored of them.
+
+    Raises as ``store.stored`` does, and ValueError unless members are among those of the result.
+    """
+    arrays, note = store.stored(owner, label, root)
+    for member in members:
+        check_whole("member", member, 0, count_of(owner) - 1)
+    chosen = sorted(set(members))
+    given = None if isinstance(owner, Pool) else store.weights(owner.pool, root)
+    computed = _computed(owner, label, chosen, given)
+    return compare_runs(owner, label, (arrays, note), computed, chosen)
+
+
+def _computed(
+    owner: Pool | Experiment, label: str, members: list[int], given: np.ndarray | None
+) -> store.Arrays:
+    """The arrays of members, computed as for the store: alone by the kernels, else in batches."""
+    parts = []
+    for unit in _units(owner, label, members):
+        rows = [row for row, member in enumerate(unit.members) if member in members]
+        arrays = compute(unit, given)[0]
+        shared = {"iterations"} if "learning" in arrays else set()
+        parts.append({k: v if k in shared else v[rows] for k, v in arrays.items()})
+    return {
+        key: one if key in shared else np.concatenate([part[key] for part in parts])
+        for key, one in parts[0].items()
+    }
+
+
+def _units(owner: Pool | Experiment, label: str, members: Sequence[int]) -> list[Unit]:
+    if isinstance(owner, Experiment) and by_kernels(owner, label):
+        return [Unit(owner, label, members)]
+    chosen = set(members)
+    return [u for u in units_of(owner) if u.label == label and not chosen.isdisjoint(u.members)]
+
+
+def expected_seconds(owner: Pool | Experiment, label: str, member: int) -> float:
+    """What a member of a result takes to compute anew, by the clock of those that are stored."""
+    return sum(unit.expected_seconds for unit in _units(owner, label, [member]))
+
+
+def compare_runs(
+    owner: Pool | Experiment,
+    label: str,
+    stored: tuple[store.Arrays, store.Note],
+    computed: store.Arrays,
+    members: Sequence[int],
+    machine: Mapping[str, str] | None = None,
+) -> Whole:
+    """A stored result beside arrays of some of its members, computed anew, here or on a machine."""
+    arrays, note = stored
+    machine = machine or store.machine()
+    exact = label == TASKS or not computed_elsewhere(note, machine)
+    if isinstance(owner, Experiment) and by_kernels(owner, label) and "device" not in machine:
+        # the widest kernels round alike on every processor that can run them
+        exact |= native.level() == next(iter(LEVELS))
+    found = Whole([], {}, {})
+    for row, member in enumerate(members):
+        differs = differences(arrays, computed, member, row, count_of(owner))
+        until = None if exact or not differs else _parted(owner, member, arrays, differs)
+        if not differs:
+            found.alike.append(member)
+        elif until is None:
+            found.wrong[member] = str(min(differs, key=lambda x: x.iteration))
+        else:
+            found.parted[member] = until
+    return found
+
+
+def computed_elsewhere(note: store.Note, machine: Mapping[str, str]) -> bool:
+    """Whether a result is of another kind of processor, or device, than that of a machine."""
+    there = note.get("machine")
+    if not isinstance(there, dict) or there.get("processor") is None:
+        return False
+    return any(there.get(part) != machine.get(part) for part in ("processor", "device"))
+
+
+def differences(
+    stored: store.Arrays, computed: store.Arrays, member: int, row: int, count: int
+) -> list[Difference]:
+    """Where a member, one of ``count``, is not what is in its row of those computed anew."""
+    recorded = computed["iterations"] if "learning" in computed else np.zeros(0, int)
+    found = []
+    for key in sorted(stored.keys() | computed.keys()):
+        old, new = stored.get(key), computed.get(key)
+        if old is None or new is None:
+            missing = ["missing" if x is None else "there" for x in (old, new)]
+            found.append(Difference(0, key, missing[0], missing[1]))
+            continue
+        if key != "iterations" or not len(recorded):
+            if old.shape[:1] != (count,):
+                found.append(
+                    Difference(0, key, f"of {len(np.atleast_1d(old))} members", f"of {count}")
+                )
+                continue
+            old, new = old[member], new[row]
+        if (old.shape, old.dtype.kind) != (new.shape, new.dtype.kind):
+            found.append(Difference(0, key, f"{old.dtype}{old.shape}", f"{new.dtype}{new.shape}"))
+            continue
+        wrong = np.argwhere(~np.isclose(old, new, RELATIVE, ABSOLUTE, equal_nan=True))
+        if len(wrong):
+            first = tuple(wrong[0])
+            at = _iteration(key, old.shape[:1], first[:1], recorded)
+            found.append(Difference(at, key, old[first], new[first], len(wrong)))
+    return found
+
+
+def _iteration(
+    key: str, shape: tuple[int, ...], place: tuple[int, ...], recorded: np.ndarray
+) -> int:
+    """The iteration that a place along an array belongs to; 0 if to none."""
+    if key == "fingerprints":
+        return FINGERPRINTS[place[0]]
+    if key == "iterations" or not len(recorded):
+        return 0
+    if shape == recorded.shape:
+        return int(recorded[place[0]])
+    return int(place[0]) + 1 if shape == (recorded[-1],) else 0
+
+
+def _parted(
+    owner: Pool | Experiment, member: int, stored: store.Arrays, differs: Sequence[Difference]
+) -> int | None:
+    """Up to which iteration rounding explains what differs of a member; None if it does not.
+
+    Rounding changes nothing at once, and what it has changed stays changed.
+    """
+    by_key = {x.key: x for x in differs}
+    prints = by_key.get("fingerprints")
+    first = min((x.iteration for x in differs if x.iteration), default=0)
+    if prints and prints.iteration == FINGERPRINTS[0]:
+        return None
+    if isinstance(owner, Pool):
+        if by_key.keys() - {"fingerprints", *TRAINED}:
+            return None
+        given = stored["weights"][[member]], stored["optimum"][[member]]
+        earned = sources.judge(owner, [member], *given)
+        same = all(np.allclose(v, stored[k][member], RELATIVE, ABSOLUTE) for k, v in earned.items())
+        return (first or owner.iterations) - 1 if same and "weights" in by_key else None
+    if any(not x.iteration for x in differs) or (first <= FINGERPRINTS[-1] and not prints):
+        return None
+    learning, greedy = by_key.get("learning"), by_key.get("greedy")
+    if learning is None:  # nothing follows from an evaluation, so one may differ alone
+        return first - 1 if greedy and greedy.places <= TIES else None
+    last = first > owner.iterations - owner.every
+    return first - 1 if last or learning.places > 1 else None
