@@ -14,7 +14,7 @@ import numpy as np
 import torch
 from distributed import KilledWorker
 
-from vtlib import bench
+from vtlib import __version__, bench
 from vtlib.checks import one_line
 from vtlib.experiments import EXPERIMENTS, THESIS, named, store
 from vtlib.experiments.experiment import Experiment
@@ -22,7 +22,7 @@ from vtlib.experiments.heads import check_heads
 from vtlib.experiments.ledger import record
 from vtlib.experiments.reproduce import differing, report, reproduce
 from vtlib.experiments.schedule import complete
-from vtlib.experiments.store import results_behind
+from vtlib.experiments.store import check_readable, results_behind
 from vtlib.experiments.whole import verify
 from vtlib.training import Diverged
 
@@ -43,6 +43,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="python -m vtlib", description=__doc__)
+    parser.add_argument("--version", action="version", version=f"vtlib {__version__}")
     commands = parser.add_subparsers(required=True, metavar="command")
     run = commands.add_parser("run", help="compute what an experiment still lacks, and store it")
     run.add_argument("experiment", help=f"one of {', '.join(EXPERIMENTS)}")
@@ -128,6 +129,7 @@ def _run(options: argparse.Namespace) -> int:
 
 def _verify(options: argparse.Namespace) -> int:
     experiments = [named(name) for name in options.experiment or EXPERIMENTS]
+    check_readable(options.results)
     bad = 0
     for name, wrong, outcome in (_heads if options.heads else _whole)(experiments, options):
         bad += wrong
@@ -169,6 +171,7 @@ def _reproduce(options: argparse.Namespace) -> int:
     for name in options.only or EXPERIMENTS:
         names += THESIS if name == "thesis" else [name]
     experiments = [named(name) for name in dict.fromkeys(names)]
+    check_readable(options.results)
     beside = f"reproduced-{options.runs}" if options.runs else "reproduced"
     fresh = options.fresh or Path("_build", beside)
     comparisons = reproduce(experiments, options.results, fresh, options.runs, **_workers(options))

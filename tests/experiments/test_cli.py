@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,7 +15,7 @@ from distributed import KilledWorker
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from vtlib import bench, cli
+from vtlib import __version__, bench, cli
 from vtlib.experiments import EXPERIMENTS, THESIS, run, schedule, store
 from vtlib.experiments.ledger import recorded
 
@@ -237,6 +238,41 @@ def test_results_that_are_no_folder_are_refused(capsys, tmp_path):
     for command in (("run", "tiny", "--results"), ("reproduce", "--only", "tiny", "--fresh")):
         refused(capsys, *command, tmp_path / "results")
     assert (tmp_path / "results").read_text() == "mine"
+
+
+@pytest.mark.parametrize("command", [["verify"], ["reproduce"], ["verify", "tiny", "--heads"]])
+def test_results_to_compare_with_that_are_not_there_are_named_at_once(capsys, tmp_path, command):
+    line = refused(capsys, *command, "--results", tmp_path / "mistyped")
+    assert line == (
+        f"vtlib: there is no folder {tmp_path / 'mistyped'}: "
+        "the book's results are book/results of its repository"
+    )
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("command", [["run", "tiny", "--results"], ["reproduce", "--fresh"]])
+def test_a_folder_that_is_read_only_or_full_is_named_at_once(
+    capsys, tmp_path, stored, monkeypatch, command
+):
+    monkeypatch.setattr(schedule, "compute", None)
+    beside = () if command[0] == "run" else ("--results", stored)
+
+    def read_only(**_):
+        raise PermissionError(13, "Permission denied")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(store.tempfile, "TemporaryFile", read_only)
+        line = refused(capsys, *command, tmp_path / "new", *beside)
+    assert line == f"vtlib: results cannot be written to {tmp_path / 'new'}: Permission denied"
+    monkeypatch.setattr(store.shutil, "disk_usage", lambda _: SimpleNamespace(free=3 << 20))
+    line = refused(capsys, *command, tmp_path / "new", *beside)
+    assert line == f"vtlib: results need 64 MB, {tmp_path / 'new'} has 3 MB left"
+
+
+def test_the_version_is_told(capsys):
+    with pytest.raises(SystemExit) as ended:
+        main("--version")
+    assert (ended.value.code, capsys.readouterr().out) == (0, f"vtlib {__version__}\n")
 
 
 @pytest.mark.parametrize(

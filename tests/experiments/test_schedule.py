@@ -207,26 +207,27 @@ from vtlib.experiments import EXPERIMENTS, schedule
 from vtlib.experiments.cartpole import CARTPOLE
 
 CARTS = CARTPOLE.published
+few = evolve(CARTS.pool, name="few", count=10, iterations=200, limit=200)
 some = {label: CARTS.algorithms[label] for label in ("GVT", "DDQN")}
-size = {"runs": 3, "iterations": int(sys.argv[2])}
-EXPERIMENTS["tiny"] = evolve(CARTS, name="tiny", algorithms=some, **size)
+size = {"pool": few, "runs": 3, "iterations": int(sys.argv[2])}
+TINY = evolve(CARTS, name="tiny", algorithms=some, **size)
+EXPERIMENTS.clear()
+EXPERIMENTS["tiny"] = TINY
 schedule.BATCH = 1
 if __name__ == "__main__":
-    sys.exit(main(["run", "tiny", "--jobs", "2", "--results", sys.argv[1]]))
+    command, *rest = sys.argv[3:] or ["run", "tiny", "--jobs", "2"]
+    sys.exit(main([command, *rest, "--results", sys.argv[1]]))
 """
 
 
 class Command:
     """The script, started in a session of its own, as a terminal does."""
 
-    def __init__(self, folder: Path, root: Path, iterations: int) -> None:
+    def __init__(self, folder: Path, root: Path, iterations: int, *arguments: str) -> None:
         self._root, self._before = root, len(list(root.rglob("*.json")))
         (folder / "script.py").write_text(SCRIPT)
-        pool = Path("cartpole-sources")
-        if not (root / pool).exists():
-            shutil.copytree(store.results_folder() / pool, root / pool)
         self.process = subprocess.Popen(
-            [sys.executable, "script.py", str(root), str(iterations)],
+            [sys.executable, "script.py", str(root), str(iterations), *arguments],
             cwd=folder,
             env={**os.environ, "PYTHONPATH": str(Path(schedule.__file__).parents[2])},
             stdout=subprocess.PIPE,
@@ -282,8 +283,10 @@ def test_killed_again_and_again_the_same_command_leaves_the_same_files(tmp_path)
     out, err = last.process.communicate()
     assert (last.process.returncode, out) == (0, f"tiny is complete under {root}\n"), err
     assert "Traceback" not in err
-    undisturbed = evolve(CARTPOLE.published, name="tiny", runs=3, iterations=iterations)
-    weights = store.weights(CARTPOLE.published.pool)
+    carts = CARTPOLE.published
+    few = evolve(carts.pool, name="few", count=10, iterations=200, limit=200)
+    undisturbed = evolve(carts, name="tiny", pool=few, runs=3, iterations=iterations)
+    weights = store.weights(few, root)
     for label in ("GVT", "DDQN"):
         each = [run_batch(undisturbed, label, [one], weights) for one in range(3)]
         found, _ = store.read(root / "tiny" / label)
@@ -295,26 +298,40 @@ def test_killed_again_and_again_the_same_command_leaves_the_same_files(tmp_path)
     assert not (root / "parts").exists()
 
 
+COMMANDS = {
+    "run": ("run", "tiny", "--jobs", "2"),
+    "reproduce": ("reproduce", "--only", "tiny", "--jobs", "2", "--fresh", "fresh"),
+    "verify": ("verify", "tiny", "--whole"),
+}
+
+DONE = {"run": "is complete", "reproduce": "none differs", "verify": "verified whole"}
+
+
 @needs_proc
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_an_interrupt_at_any_moment_ends_in_one_line_and_with_all_processes(tmp_path, number):
-    iterations = 4_000
+@pytest.mark.parametrize("command", COMMANDS)
+def test_an_interrupt_at_any_moment_ends_in_one_line_and_with_all_processes(
+    tmp_path, command, number
+):
+    iterations, root = 3_000, tmp_path / "results"
     # while it imports, starts workers, computes and stores; a second or two to each
-    for wait in np.random.default_rng(number).uniform(0.2, 9, 4):
-        command = Command(tmp_path, tmp_path / "results", iterations)
+    moments = np.random.default_rng([number, *command.encode()]).uniform(0.6, 9, 3)
+    if command != "run":  # something has to be stored
+        Command(tmp_path, root, iterations).process.communicate()
+    for wait in moments:
+        it = Command(tmp_path, root, iterations, *COMMANDS[command])
         time.sleep(wait)
-        ended = command.process.poll() is not None
-        os.killpg(command.process.pid, number)
-        out, err = command.process.communicate(timeout=10)
-        command.assert_gone()
-        if ended:  # it was complete before
+        if it.process.poll() is not None:
             continue
-        assert command.process.returncode == 128 + number, err
+        os.killpg(it.process.pid, number)
+        out, err = it.process.communicate(timeout=10)
+        it.assert_gone()
+        assert it.process.returncode == 128 + number, err
         *bar, line = err.strip().splitlines()
         assert line == "vtlib: interrupted; the same command goes on from here"
         assert all("left" in shown for shown in bar if shown), err
-        assert not list(Path(tempfile.gettempdir()).glob(f"vtlib-{command.process.pid}-*"))
-    root = tmp_path / "results"
-    last = Command(tmp_path, root, iterations)
+        assert not list(Path(tempfile.gettempdir()).glob(f"vtlib-{it.process.pid}-*"))
+    last = Command(tmp_path, root, iterations, *COMMANDS[command])
     out, err = last.process.communicate()
-    assert (last.process.returncode, out) == (0, f"tiny is complete under {root}\n"), err
+    assert last.process.returncode == 0, err
+    assert DONE[command] in out.splitlines()[-1]

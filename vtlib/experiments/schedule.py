@@ -208,11 +208,11 @@ def complete(
     By as many processes of this machine as there are cores, or ``jobs``, or by the workers of a
     Dask scheduler, such as "tcp://host:8786". A script that calls this needs the guard
     ``if __name__ == "__main__"``, for each process begins by importing it. Posteriors live on the
-    device. Raises, before any work, OSError where root cannot be a folder, store.TornResult where
+    device. Raises, before any work, OSError where root cannot be written to, store.TornResult where
     something stored there is not theirs.
     """
     root = root or store.results_folder()
-    root.mkdir(parents=True, exist_ok=True)
+    store.check_writable(root)
     pools = {e.pool.name: e.pool for e in experiments}
     units = [unit for pool in pools.values() for unit in units_of(pool)]
     units += [unit for experiment in experiments for unit in units_of(experiment)]

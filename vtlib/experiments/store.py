@@ -12,6 +12,7 @@ import io
 import json
 import os
 import platform
+import shutil
 import tempfile
 from collections.abc import Iterable
 from pathlib import Path
@@ -31,6 +32,7 @@ Arrays = dict[str, np.ndarray]
 Note = dict[str, Any]  # plain JSON values
 # What an experiment's targets depend on, and what its runs depend on beside that and the algorithm.
 OF_TASKS = ("family", "runs", "sources", "stream", "runs_per_task", "excluded")
+ROOM = 64 << 20  # bytes; a result has a hundredth of it
 OF_RUNS = ("iterations", "every", "visits", "probes", "each")
 
 
@@ -41,10 +43,31 @@ class TornResult(RuntimeError):
 def results_folder() -> Path:
     """Where the book's stored runs lie: book/results beside the package of a checkout.
 
-    The environment's VTLIB_RESULTS names another folder, for a book of runs computed anew.
+    Without a checkout it is the folder results where the command is given. The environment's
+    VTLIB_RESULTS names another one, for a book of runs computed anew.
     """
-    here = Path(__file__).resolve().parents[2] / "book" / "results"
-    return Path(os.environ.get("VTLIB_RESULTS", here))
+    book = Path(__file__).resolve().parents[2] / "book" / "results"
+    return Path(os.environ.get("VTLIB_RESULTS", book if book.is_dir() else "results"))
+
+
+def check_writable(root: Path) -> None:
+    """Make a folder for results unless it is there; OSError names it if it cannot take any."""
+    try:
+        root.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=root):
+            free = shutil.disk_usage(root).free
+    except OSError as error:
+        raise OSError(f"results cannot be written to {root}: {error.strerror}") from error
+    if free < ROOM:
+        raise OSError(f"results need {ROOM >> 20} MB, {root} has {free >> 20} MB left")
+
+
+def check_readable(root: Path) -> None:
+    """Raise FileNotFoundError unless there is a folder of results to compare with."""
+    if not root.is_dir():
+        raise FileNotFoundError(
+            f"there is no folder {root}: the book's results are book/results of its repository"
+        )
 
 
 def save(path: Path, arrays: Arrays, provenance: Note) -> None:
