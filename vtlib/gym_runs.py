@@ -1,54 +1,102 @@
-"""Solve and transfer between ordinary Gymnasium environments, one call each."""
+"""Solve, transfer and evaluate on ordinary Gymnasium environments, one call each."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import io
+import zipfile
+from collections.abc import Callable, Sequence
 from itertools import islice
-from typing import NamedTuple
+from pathlib import Path
 
+import attrs
 import gymnasium
 import numpy as np
 import torch
+from attrs import evolve, frozen
 from torch import Tensor
 
-from vtlib.baselines import MellowTDSettings
+from vtlib.baselines import DDQNSettings, FineTuning, MellowTDSettings
 from vtlib.checks import check_kind, check_weights, check_whole
 from vtlib.envs.episodes import GymEpisodes
+from vtlib.experiments.store import TornResult, write_bytes
 from vtlib.qfunctions import QFunction
+from vtlib.replay import Transition
 from vtlib.rng import Rng, generator
+from vtlib.stability import largest_step, steepest
 from vtlib.training import Agent, check_finite, iterate
-from vtlib.transfer import Settings
+from vtlib.transfer import Settings, VariationalTransfer
+
+EVERY = 100  # iterations from one record to the next
+AMONG = 200  # transitions at which a safe step on L is measured
+SHARE = 0.25  # of the largest safe step
+NARROW = 0.003  # standard deviation of the prior's components, relative to the sources' weights
+
+Callback = Callable[[int, Tensor], bool | None]
 
 
-class Learned(NamedTuple):
-    """What runs on R environments end with.
+@frozen(eq=False)
+class Learned:
+    """What R runs end with.
 
-    weights (R, C, d): final weights, of each component's mean for a posterior. returns (R, T): mean
-    discounted return of the last 50 episodes, every 100 iterations.
+    weights (R, C, d): final weights, those of each component's mean for a posterior. scale_tril
+    (R, C, d, d): the posterior's factors L, None without one. iterations (T,) and returns (R, T):
+    mean discounted return of the last 50 episodes, NaN before the first has ended. steps (R,): of
+    the environment, trials included. improved (R,): whether the weights learned are kept; else they
+    are those of the best source (see ``transfer``).
     """
 
     weights: Tensor
+    iterations: Tensor
     returns: Tensor
+    steps: Tensor
+    improved: Tensor
+    scale_tril: Tensor | None = None
+
+    def save(self, path: str | Path) -> None:
+        """Write everything to one .npz of plain arrays, at once."""
+        buffer = io.BytesIO()
+        arrays = {k: v.cpu().numpy() for k, v in self._parts().items() if v is not None}
+        np.savez_compressed(buffer, **arrays)  # type: ignore[arg-type]  # no name is an option
+        write_bytes(Path(path), buffer.getvalue())
+
+    @classmethod
+    def load(cls, path: str | Path) -> Learned:
+        """What was saved; TornResult names a file that is not whole or holds something else."""
+        try:
+            whole = io.BytesIO(Path(path).read_bytes())
+            with np.load(whole, allow_pickle=False) as stored:
+                parts = {name: torch.from_numpy(stored[name]) for name in stored}
+            return cls(**parts)
+        except (TypeError, ValueError, EOFError, zipfile.BadZipFile) as error:
+            raise TornResult(f"{path} is not what Learned.save wrote: {error}") from error
+
+    def _parts(self) -> dict[str, Tensor | None]:
+        return {field.name: getattr(self, field.name) for field in attrs.fields(Learned)}
 
 
 def solve(
     envs: Sequence[gymnasium.Env],
     q: QFunction,
     iterations: int,
-    settings: MellowTDSettings | None = None,
-    name: str = "solve",
+    settings: MellowTDSettings | DDQNSettings | None = None,
+    *,
+    seed: int = 0,
+    callback: Callback | None = None,
 ) -> Learned:
-    """Learn each environment from scratch by mellow TD, all from one common initialisation.
+    """Learn each environment from scratch, by mellow TD unless settings say DDQN.
 
-    A common start keeps the hidden units of a network comparable between sources. Everything
-    random derives from ``name``. Raises ValueError for spaces other than Box and Discrete, and for
-    a Q-function with another number of observations or actions.
+    All start from one common initialisation, which keeps the hidden units of a network comparable
+    between sources. callback is told the iteration and the mean returns (R,) every 100 iterations,
+    and ends the learning by returning False. Raises ValueError for spaces other than Box and
+    Discrete, a Q-function of other sizes, or an environment that is given twice.
     """
     check_whole("iterations", iterations)
     settings = settings or MellowTDSettings(epsilon_steps=max(1, iterations // 2))
+    name = _name("solve", seed)
     episodes, rng = _episodes(envs, q, name), Rng(name, range(len(envs)))
     start = 0.1 * Rng(name, [0]).stream("initial weights").normal(q.d).expand(len(envs), -1)
-    return _learn(settings.agent(q, start, episodes.obs_dim, rng), episodes, iterations, name)
+    agent = settings.agent(q, start, episodes.obs_dim, rng)
+    return _learn(agent, episodes, iterations, name, callback)
 
 
 def transfer(
@@ -56,25 +104,143 @@ def transfer(
     q: QFunction,
     sources: Tensor,
     iterations: int,
-    settings: Settings | None = None,
-    name: str = "transfer",
+    settings: Settings | FineTuning | None = None,
+    *,
+    trials: int = 5,
+    seed: int = 0,
+    callback: Callback | None = None,
+    device: str = "cpu",
 ) -> Learned:
-    """Learn each environment with a prior from solved sources (S, d): Algorithm 1.
+    """Learn each environment with a prior from solved sources (S, d): Algorithm 1, made safe.
 
-    Derives and raises as ``solve``, also for sources that are missing, not finite or not of the
-    Q-function's shape.
+    Each source first plays ``trials`` greedy episodes; the best comes first, where one component
+    starts. In the end the posterior's means play four times as many, as does the best source, and
+    what earns more is kept. Without settings they are ``settings_for`` the sources. With trials = 0
+    this is the thesis' algorithm and nothing else, and needs settings. Derives and raises as
+    ``solve``, also for sources that are missing, not finite or not of the Q-function's shape.
     """
     check_whole("iterations", iterations)
+    check_whole("trials", trials, 0)
     check_kind("sources", sources, Tensor)
     check_weights("sources", sources, "source", q.d)
+    if settings is None and not trials:
+        raise ValueError("settings must be given where there are no trials to choose them by")
+    name, sources = _name("transfer", seed), sources.detach()
+    shared = sources.expand(len(envs), *sources.shape)
+    steps = torch.zeros(len(envs), dtype=torch.int64)
+    if trials:
+        tried = [
+            _play(envs, q, shared[:, [i]], trials, f"{name} trial") for i in range(len(sources))
+        ]
+        steps += torch.stack([x.steps for x in tried]).sum(0)
+        earned = torch.stack([x.returns.mean(1) for x in tried], 1)
+        order = torch.argsort(-earned, dim=1, stable=True)
+        shared = shared.gather(1, order.unsqueeze(2).expand_as(shared))
+        seen = [t for x in tried for t in x.transitions]
+        settings = settings or settings_for(q, shared, seen)
+    assert settings is not None
     episodes, rng = _episodes(envs, q, name), Rng(name, range(len(envs)))
-    shared = sources.detach().expand(len(envs), *sources.shape)
-    agent = (settings or Settings()).agent(q, shared, episodes.obs_dim, rng)
-    return _learn(agent, episodes, iterations, name)
+    agent = settings.agent(q, shared.to(device), episodes.obs_dim, rng)
+    learned = _learn(agent, episodes, iterations, name, callback)
+    learned = evolve(learned, steps=learned.steps + steps)
+    return _keep_better(learned, envs, q, shared[:, :1], 4 * trials, name) if trials else learned
+
+
+def settings_for(q: QFunction, sources: Tensor, seen: Sequence[Transition]) -> Settings:
+    """Settings of 1-MGVT by the scale of sources (R, S, d), the best first, and what they saw.
+
+    The prior's components have a standard deviation of a small share of the sources' weights. The
+    step on L is a quarter of the largest that is safe at the best source (``vtlib.stability``).
+    """
+    chosen = np.linspace(0, len(seen) - 1, min(AMONG, len(seen))).astype(int)
+    batch = Transition(*(torch.stack(x, 1) for x in zip(*(seen[i] for i in chosen), strict=True)))
+    settings = Settings(
+        lambda_=1e-3,
+        minibatch=200,
+        n_samples=5,
+        sigma_p2=float((NARROW * sources.square().mean().sqrt()).square().clamp(min=1e-12)),
+    )
+    eta, length = steepest(q, sources[:, 0], batch, settings.psi, settings.gamma, settings.kappa)
+    safe = largest_step(length.clamp(min=q.d), settings.n_samples) / eta.clamp(min=1e-6)
+    return evolve(settings, alpha_L=float(SHARE * safe.min()))
+
+
+def evaluate(
+    envs: Sequence[gymnasium.Env],
+    q: QFunction,
+    weights: Tensor,
+    episodes: int = 20,
+    *,
+    seed: int = 0,
+) -> Tensor:
+    """Discounted returns (R, episodes) of greedy policies on fresh episodes.
+
+    The values of C weight vectors of weights (R, C, d) are averaged. Raises as ``solve``.
+    """
+    check_whole("episodes", episodes)
+    check_kind("weights", weights, Tensor)
+    check_weights("weights", weights, len(envs), "component", q.d)
+    return _play(envs, q, weights, episodes, _name("evaluate", seed)).returns
+
+
+@frozen
+class _Played:
+    returns: Tensor  # (R, episodes)
+    steps: Tensor  # (R,)
+    transitions: list[Transition]
+
+
+def _play(
+    envs: Sequence[gymnasium.Env], q: QFunction, weights: Tensor, episodes: int, name: str
+) -> _Played:
+    """Greedy episodes of weights (R, C, d), played until each run has so many."""
+    play, gamma = _episodes(envs, q, name), MellowTDSettings(epsilon_steps=1).gamma
+    count, steps = (
+        torch.zeros(len(envs), dtype=torch.int64),
+        torch.zeros(len(envs), dtype=torch.int64),
+    )
+    running, discount = torch.zeros(len(envs)), torch.ones(len(envs))
+    returns, seen = torch.zeros(len(envs), episodes), []
+    while bool((count < episodes).any()):
+        action = q.q(weights, q.prepare(play.obs.unsqueeze(1))).mean(1)[..., 0].argmax(-1)
+        seen.append(play.step(action))
+        running += discount * seen[-1].reward
+        discount *= gamma
+        steps += count < episodes
+        for row in (play.fresh & (count < episodes)).nonzero().flatten().tolist():
+            returns[row, count[row]] = running[row]
+            count[row] += 1
+        running[play.fresh], discount[play.fresh] = 0.0, 1.0
+    return _Played(returns, steps, seen)
+
+
+def _keep_better(
+    learned: Learned,
+    envs: Sequence[gymnasium.Env],
+    q: QFunction,
+    best: Tensor,
+    episodes: int,
+    name: str,
+) -> Learned:
+    """Where the best source (R, 1, d) still earns more, it is what is kept."""
+    ours, theirs = (
+        _play(envs, q, w.cpu(), episodes, f"{name} comparison") for w in (learned.weights, best)
+    )
+    improved = ours.returns.mean(1) >= theirs.returns.mean(1)
+    weights = torch.where(improved.view(-1, 1, 1), learned.weights.cpu(), best)
+    steps = learned.steps + ours.steps + theirs.steps
+    return evolve(learned, weights=weights, steps=steps, improved=improved)
+
+
+def _name(what: str, seed: int) -> str:
+    check_whole("seed", seed, 0)
+    return f"{what} {seed}"
 
 
 def _episodes(envs: Sequence[gymnasium.Env], q: QFunction, name: str) -> GymEpisodes:
     check_kind("envs", envs, Sequence)
+    if len({id(env) for env in envs}) < len(envs):
+        raise ValueError("each run needs an environment of its own, one is given twice")
     limit, runs = np.iinfo(np.int32).max, range(len(envs))
     seeds = [int(generator(name, run, "environment").integers(limit)) for run in runs]
     episodes = GymEpisodes(envs, seeds)
@@ -86,10 +252,26 @@ def _episodes(envs: Sequence[gymnasium.Env], q: QFunction, name: str) -> GymEpis
     return episodes
 
 
-def _learn(agent: Agent, episodes: GymEpisodes, iterations: int, name: str) -> Learned:
-    returns = []
+def _learn(
+    agent: Agent, episodes: GymEpisodes, iterations: int, name: str, callback: Callback | None
+) -> Learned:
+    runs, times, returns = len(agent.mu), [], []
+    names, done = [f"run {r} of {name}" for r in range(runs)], 0
     for t in islice(iterate(agent, episodes), iterations):
-        if t % 100 == 0:
-            check_finite(agent.mu, [f"run {r} of {name}" for r in range(len(agent.mu))], t)
-            returns.append(episodes.returns.mean())
-    return Learned(agent.mu.detach(), torch.stack(returns, 1) if returns else torch.empty(0))
+        done = t
+        if t % EVERY == 0:
+            check_finite(agent.mu, names, t)
+            times.append(t)
+            returns.append(episodes.returns.mean(before=torch.nan))
+            if callback is not None and callback(t, returns[-1]) is False:
+                break
+    check_finite(agent.mu, names, done)
+    factors = agent.scale_tril.detach().cpu() if isinstance(agent, VariationalTransfer) else None
+    return Learned(
+        weights=agent.mu.detach().cpu().clone(),
+        iterations=torch.tensor(times),
+        returns=torch.stack(returns, 1) if returns else torch.empty(runs, 0),
+        steps=torch.full((runs,), done),
+        improved=torch.ones(runs, dtype=torch.bool),
+        scale_tril=factors,
+    )

@@ -16,7 +16,7 @@ import torch
 from torch import Tensor, nn
 from torch.func import functional_call, vjp, vmap
 
-from vtlib.checks import check_positive, check_whole, shown
+from vtlib.checks import check_kind, check_positive, check_whole, shown
 
 # Features below float32's rounding of their sum are zero: left in, they and their products become
 # denormal numbers, on which a processor is many times slower.
@@ -187,11 +187,19 @@ class ModuleQ:
     """Any torch.nn.Module from observations (B, obs_dim) to values (B, A), by torch.func.
 
     The module's parameters, flattened in the order of ``named_parameters``, are the weights; the
-    module itself is only read. Slower than the hand-written Q-functions, and equal to them.
+    module itself is only read. Slower than the hand-written Q-functions, and equal to them. Raises
+    ValueError for a module whose values depend on more than its parameters and the observation.
     """
 
     def __init__(self, module: nn.Module, n_actions: int) -> None:
         check_whole("n_actions", n_actions)
+        check_kind("module", module, nn.Module)
+        if kept := [name for name, _ in module.named_buffers()]:
+            raise ValueError(
+                f"module must have parameters alone, it has buffers: {', '.join(kept)}"
+            )
+        if any(isinstance(part, nn.modules.dropout._DropoutNd) for part in module.modules()):
+            raise ValueError("module must give the same values each time, it has dropout")
         self.n_actions = n_actions
         self._module = module
         self._shapes = {name: p.shape for name, p in module.named_parameters()}

@@ -315,7 +315,7 @@ def test_an_interrupt_at_any_moment_ends_in_one_line_and_with_all_processes(
 ):
     iterations, root = 3_000, tmp_path / "results"
     # while it imports, starts workers, computes and stores; a second or two to each
-    moments = np.random.default_rng([number, *command.encode()]).uniform(0.6, 9, 3)
+    moments = np.random.default_rng([number, *command.encode()]).uniform(0.6, 9, 2)
     if command != "run":  # something has to be stored
         Command(tmp_path, root, iterations).process.communicate()
     for wait in moments:

@@ -42,9 +42,10 @@ class Returns:
         self._finished, self._count = self._finished[rows], self._count[rows]
         self._running, self._discount = self._running[rows], self._discount[rows]
 
-    def mean(self) -> Tensor:
-        """Mean return (R,) of the last episodes, zero before the first one has ended."""
-        return self._finished.sum(1) / self._count.clamp(1, self._finished.shape[1])
+    def mean(self, before: float = 0.0) -> Tensor:
+        """Mean return (R,) of the last episodes; ``before`` until the first one has ended."""
+        mean = self._finished.sum(1) / self._count.clamp(1, self._finished.shape[1])
+        return torch.where(self._count > 0, mean, before)
 
 
 class Episodes:
@@ -156,9 +157,11 @@ def _sizes(env: gymnasium.Env) -> tuple[int, int]:
     check_kind("each environment", env, gymnasium.Env)
     box, discrete = env.observation_space, env.action_space
     if not (isinstance(box, gymnasium.spaces.Box) and len(box.shape) == 1):
-        raise ValueError(f"needs a one-dimensional Box observation space, got {box}")
+        more = isinstance(box, gymnasium.spaces.Box) and len(box.shape) > 1
+        remedy = "; gymnasium.wrappers.FlattenObservation makes one of it" if more else ""
+        raise ValueError(f"needs a one-dimensional Box observation space, got {box}{remedy}")
     if not isinstance(discrete, gymnasium.spaces.Discrete):
-        raise ValueError(f"needs a Discrete action space, got {discrete}")
+        raise ValueError(f"needs a Discrete action space, got {discrete}: there is a value each")
     return box.shape[0], int(discrete.n)
 
 
