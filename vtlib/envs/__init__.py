@@ -20,6 +20,15 @@ __all__ = [
     "parse_maze",
 ]
 
-for _name in ("Rooms", "Cartpole", "MountainCar", "Maze"):
-    _package = "mountain_car" if _name == "MountainCar" else _name.lower()
-    gymnasium.register(f"vtlib/{_name}-v0", f"vtlib.envs.{_package}.gym:{_name}Env")
+_FAMILIES = {
+    "Rooms": ("rooms", Rooms),
+    "Cartpole": ("cartpole", Cartpole),
+    "MountainCar": ("mountain_car", MountainCar),
+    "Maze": ("maze", Mazes),
+}
+for _name, (_package, _tasks) in _FAMILIES.items():
+    gymnasium.register(
+        f"vtlib/{_name}-v0",
+        f"vtlib.envs.{_package}.gym:{_name}Env",
+        max_episode_steps=_tasks.horizon,
+    )
