@@ -20,15 +20,15 @@ __all__ = [
     "parse_maze",
 ]
 
-_FAMILIES = {
-    "Rooms": ("rooms", Rooms),
-    "Cartpole": ("cartpole", Cartpole),
-    "MountainCar": ("mountain_car", MountainCar),
-    "Maze": ("maze", Mazes),
+_PACKAGES = {
+    "Rooms": ("rooms", Rooms.horizon),
+    "Cartpole": ("cartpole", Cartpole.horizon),
+    "MountainCar": ("mountain_car", MountainCar.horizon),
+    "Maze": ("maze", Mazes.horizon),
 }
-for _name, (_package, _tasks) in _FAMILIES.items():
+for _name, (_package, _horizon) in _PACKAGES.items():
     gymnasium.register(
         f"vtlib/{_name}-v0",
         f"vtlib.envs.{_package}.gym:{_name}Env",
-        max_episode_steps=_tasks.horizon,
+        max_episode_steps=_horizon,
     )

@@ -71,11 +71,14 @@ def _target(number: int) -> Protocols:
 MAZE_TARGETS = {number: _target(number) for number in TARGETS}
 DIAGONAL = "1-MGVT-diagonal"
 # The mixtures' learner without any source: what their lead over DDQN owes to transfer.
-MAZE_NOTHING = evolve(
-    MAZE_TARGETS[MAIN].published,
-    name="maze-no-transfer",
-    algorithms={"NT": MellowTDSettings(epsilon_steps=ITERATIONS // 10)},
-)
+MAZE_NOTHING = {
+    number: evolve(
+        protocols.published,
+        name="maze-no-transfer" if number == MAIN else f"maze-{number}-no-transfer",
+        algorithms={"NT": MellowTDSettings(epsilon_steps=ITERATIONS // 10)},
+    )
+    for number, protocols in MAZE_TARGETS.items()
+}
 # A posterior without correlations; and sources by the text with the published settings.
 MAZE_INGREDIENTS = evolve(
     MAZE_TARGETS[MAIN].published,
@@ -100,4 +103,5 @@ MAZE_SLIDERS = sliders_of(
 )
 
 # The other targets and protocol, and what is named above, are to be run.
-EXPERIMENTS = (MAZE_TARGETS[MAIN].published, MAZE_NOTHING)
+DONE = (MAIN, 0)
+EXPERIMENTS = tuple(x for n in DONE for x in (MAZE_TARGETS[n].published, MAZE_NOTHING[n]))
