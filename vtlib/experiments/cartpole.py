@@ -113,8 +113,7 @@ CARTPOLE_COLLAPSE = evolve(
     },
 )
 
-# Why transfer falls late with the text's sources, and what should spare it (vtlib.stability): to be
-# run, and so not among those below.
+# Why transfer falls late with the text's sources, and what should spare it (vtlib.stability).
 LATE_VARIANTS: dict[str, dict[str, Any]] = {
     "as in the thesis": {},
     "full gradient": {"psi": 1.0},
@@ -133,11 +132,6 @@ CARTPOLE_LATE = evolve(
     every=200,
     probes=500,
 )
-# What these runs suggested, put to the test on others.
-CARTPOLE_LATE_AGAIN = evolve(
-    CARTPOLE_LATE, name="cartpole-late-again", stream="cartpole-late-again"
-)
-
 EXPERIMENTS = (
     *CARTPOLE,
     CARTPOLE_SLIDERS,
@@ -146,4 +140,5 @@ EXPERIMENTS = (
     CARTPOLE_FEW_SOURCES,
     *CARTPOLE_OTHER_SOURCES.values(),
     CARTPOLE_COLLAPSE,
+    CARTPOLE_LATE,
 )
