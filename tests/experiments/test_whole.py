@@ -200,6 +200,13 @@ def test_the_widest_kernels_excuse_nothing_on_any_processor(monkeypatch):
         monkeypatch.setattr(native, "level", lambda level=level: level)
         found = compared(*made_up(learning=slice(50, None)))
         assert bool(found.wrong) == (level == "x86_64_v4")
+    monkeypatch.undo()
+    rooms = ROOMS_EVALUATION.published
+    exact = {label: whole._rounds_alike(rooms, label) for label in ("NT", "1-MGVT", "GVT", "tasks")}
+    assert exact["NT"] == exact["1-MGVT"]
+    # a Gaussian begins with a factorisation by LAPACK
+    assert not exact["GVT"]
+    assert not exact["tasks"]
 
 
 def test_parted_sources_must_earn_what_is_stored_of_their_weights(tiny, stored, monkeypatch):
