@@ -16,6 +16,8 @@ RUNS ?=
 JOBS ?=
 SCHEDULER ?=
 DEVICE ?=
+# make book ONLINE=yes: without the browser scripts, which pages then load from public servers.
+ONLINE ?=
 
 BIN     := $(VENV)/bin
 SET_UP  := $(VENV)/set-up-is-done
@@ -39,7 +41,7 @@ help:
 
 book: $(KERNELS)
 	@echo "==> Building the book: 3 to 8 minutes the first time, seconds when little has changed."
-	@$(BIN)/python book/_ext/build.py
+	@$(BIN)/python book/_ext/build.py $(if $(ONLINE),--online)
 
 # The book is built beside the other tests: one thread each, or they wait for each other.
 test: export OMP_NUM_THREADS := 1

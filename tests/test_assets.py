@@ -71,6 +71,22 @@ def test_no_npm_and_no_network_is_one_clear_error(
     assert not assets.present(tmp_path / "vendor")
 
 
+@pytest.mark.parametrize("online", [False, True])
+def test_a_book_without_its_scripts_is_not_built_unless_asked_for(
+    extension: Callable[[str], ModuleType], assets: ModuleType, monkeypatch, capsys, online: bool
+) -> None:
+    build = extension("build")
+
+    def unavailable() -> None:
+        raise assets.AssetsUnavailable("network is unreachable")
+
+    monkeypatch.setattr(build, "fetch", unavailable)
+    assert build.have_assets(online) == online
+    said = capsys.readouterr().out
+    assert "network is unreachable" in said
+    assert ("make book ONLINE=yes" in said) != online
+
+
 @pytest.mark.parametrize(
     ("name", "matters"),
     [

@@ -21,25 +21,31 @@ from fetch_assets import AssetsUnavailable, fetch
 ROOT = Path(__file__).resolve().parents[2]
 
 
-def report_assets() -> bool:
-    """Fetch the browser scripts; where that fails, say plainly what it means for the reader."""
+def have_assets(online: bool) -> bool:
+    """Fetch the browser scripts; where that fails, whether the book is wanted all the same."""
     print("--> Browser scripts (MathJax, sliders)", flush=True)
     try:
         fetch()
+        return True
     except AssetsUnavailable as error:
         print(f"    {error}.")
+    if online:
+        print("    As was asked for, pages load them from public servers when read.", flush=True)
+    else:
         print(
-            "    The book is built all the same, but its pages will load MathJax and the sliders'"
+            "    Without them pages would ask public servers for MathJax and the sliders' script."
         )
-        print("    script from public servers when read. To change that: install Node.js (npm),")
-        print("    or go on line, and build again.", flush=True)
-        return False
-    return True
+        print(
+            "    Install Node.js (npm) or go on line, and build again; or allow it for this build:"
+        )
+        print("    make book ONLINE=yes", flush=True)
+    return online
 
 
-def build(fresh: bool, results: Path | None) -> int:
+def build(fresh: bool, results: Path | None, online: bool = False) -> int:
     """Run Jupyter Book over the root; returns its exit status, non-zero on any warning."""
-    report_assets()
+    if not have_assets(online):
+        return 1
     folder = (results or ROOT) / "_build"
     if fresh or (folder / "failed").exists():
         for part in ("html", ".doctrees"):
@@ -65,12 +71,15 @@ def main() -> int:
     parser = argparse.ArgumentParser(description="Build the book into _build/html.")
     parser.add_argument("--fresh", action="store_true", help="render every page anew")
     parser.add_argument("--results", type=Path, help="other stored runs than book/results")
+    parser.add_argument("--online", action="store_true", help="pages may ask public servers")
     arguments = parser.parse_args()
     results = arguments.results and arguments.results.resolve()
     html = (results or ROOT) / "_build" / "html"
     begin = time.monotonic()
-    status = build(arguments.fresh, results)
-    if status:
+    status = build(arguments.fresh, results, arguments.online)
+    if status and not (html.parent / "failed").exists():
+        print("The book was not built.")
+    elif status:
         print("The book has warnings or failing pages, listed above; tracebacks of cells are under")
         print(f"{html / 'reports'}.")
     else:
