@@ -53,7 +53,8 @@ class CartpoleEnv(TasksEnv):
     ## Arguments
     - `cart_mass`, `pole_mass`: in kg. Default 1 and 0.1.
     - `half_length`: from the pivot to the pole's centre of mass, in m. Default 0.5.
-    - `horizon`: steps of a truncated episode. Default 100.
+    - `horizon`: steps of a truncated episode. Default 100; Gymnasium's `make` needs
+      `max_episode_steps` beside it for more.
     - `render_mode`: None or "rgb_array".
     """
 

@@ -55,7 +55,8 @@ class MazeEnv(TasksEnv):
 
     ## Arguments
     - `maze`: a name in the library, or what `vtlib.envs.parse_maze` reads. Default "north-east 0".
-    - `horizon`: steps of a truncated episode. Default 100.
+    - `horizon`: steps of a truncated episode. Default 100; Gymnasium's `make` needs
+      `max_episode_steps` beside it for more.
     - `render_mode`: None or "rgb_array".
     """
 

@@ -44,7 +44,8 @@ class MountainCarEnv(TasksEnv):
 
     ## Arguments
     - `speed`: velocity that an action adds, in length per step. Default 0.001.
-    - `horizon`: steps of a truncated episode. Default 200.
+    - `horizon`: steps of a truncated episode. Default 200; Gymnasium's `make` needs
+      `max_episode_steps` beside it for more.
     - `render_mode`: None or "rgb_array".
     """
 

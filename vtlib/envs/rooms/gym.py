@@ -45,7 +45,8 @@ class RoomsEnv(TasksEnv):
     ## Arguments
     - `doors`: their centres, in [0.5, 9.5], lowest wall first. Default (5, 5), for three rooms.
     - `uniform_start`: start anywhere in the square. Default False.
-    - `horizon`: steps of a truncated episode. Default 50.
+    - `horizon`: steps of a truncated episode. Default 50; Gymnasium's `make` needs
+      `max_episode_steps` beside it for more.
     - `render_mode`: None or "rgb_array".
     """
 
