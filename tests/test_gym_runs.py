@@ -9,6 +9,7 @@ import pytest
 import torch
 from torch import nn
 
+from vtlib import gym_runs
 from vtlib.baselines import DDQNSettings, FineTuning, MellowTDSettings
 from vtlib.experiments.store import TornResult
 from vtlib.gym_runs import Learned, evaluate, settings_for, solve, transfer
@@ -193,6 +194,30 @@ def test_a_file_that_is_not_whole_is_named(tmp_path):
     np.savez(path, weights=np.zeros(3))
     with pytest.raises(TornResult, match="is not what"):
         Learned.load(path)
+
+
+def test_the_settings_discount_is_the_returns(monkeypatch):
+    short = attrs.evolve(LEARNER, gamma=0.5)
+    learned = solve([Corridor()], Q, 200, attrs.evolve(short, epsilon_start=0.02, epsilon_steps=1))
+    assert learned.returns.max() <= sum(0.5**t for t in range(5))
+    both = always(1).view(1, 1, -1)
+    found = evaluate([Corridor()], Q, both, 2, gamma=0.5)
+    torch.testing.assert_close(found, torch.full((1, 2), sum(0.5**t for t in range(5))))
+
+
+def test_an_episode_that_never_ends_is_told(monkeypatch):
+    monkeypatch.setattr(gym_runs, "LONGEST", 50)
+    with pytest.raises(
+        ValueError, match=r"has not ended after 50 steps: gymnasium\.wrappers\.Time"
+    ):
+        evaluate([Endless()], Q, always(1).view(1, 1, -1))
+
+
+@pytest.mark.parametrize("call", [solve, transfer])
+def test_settings_of_another_kind_are_refused(call):
+    given = (Q, 10) if call is solve else (Q, weights(2), 10)
+    with pytest.raises(ValueError, match="settings must be"):
+        call([Corridor()], *given, "mellow")
 
 
 def test_an_environment_given_twice_is_refused():

@@ -15,7 +15,7 @@ import torch
 from attrs import evolve, frozen
 from torch import Tensor
 
-from vtlib.baselines import DDQNSettings, FineTuning, MellowTDSettings
+from vtlib.baselines import DDQNSettings, FineTuning, LearnerSettings, MellowTDSettings
 from vtlib.checks import check_kind, check_weights, check_whole
 from vtlib.envs.episodes import GymEpisodes
 from vtlib.experiments.store import TornResult, write_bytes
@@ -29,6 +29,7 @@ from vtlib.transfer import Settings, VariationalTransfer
 EVERY = 100  # iterations from one record to the next
 AMONG = 200  # transitions at which a safe step on L is measured
 SHARE = 0.25  # of the largest safe step
+LONGEST = 100_000  # steps of an episode that is waited for
 NARROW = 0.003  # standard deviation of the prior's components, relative to the sources' weights
 
 Callback = Callable[[int, Tensor], bool | None]
@@ -92,8 +93,9 @@ def solve(
     """
     check_whole("iterations", iterations)
     settings = settings or MellowTDSettings(epsilon_steps=max(1, iterations // 2))
+    check_kind("settings", settings, LearnerSettings)
     name = _name("solve", seed)
-    episodes, rng = _episodes(envs, q, name), Rng(name, range(len(envs)))
+    episodes, rng = _episodes(envs, q, name, settings.gamma), Rng(name, range(len(envs)))
     start = 0.1 * Rng(name, [0]).stream("initial weights").normal(q.d).expand(len(envs), -1)
     agent = settings.agent(q, start, episodes.obs_dim, rng)
     return _learn(agent, episodes, iterations, name, callback)
@@ -125,12 +127,15 @@ def transfer(
     check_weights("sources", sources, "source", q.d)
     if settings is None and not trials:
         raise ValueError("settings must be given where there are no trials to choose them by")
-    name, sources = _name("transfer", seed), sources.detach()
+    check_kind("settings", settings or Settings(), Settings | FineTuning)
+    gamma = _discount(settings or Settings())
+    name, sources = _name("transfer", seed), sources.detach().cpu()
     shared = sources.expand(len(envs), *sources.shape)
     steps = torch.zeros(len(envs), dtype=torch.int64)
     if trials:
         tried = [
-            _play(envs, q, shared[:, [i]], trials, f"{name} trial") for i in range(len(sources))
+            _play(envs, q, shared[:, [i]], trials, f"{name} trial", gamma)
+            for i in range(len(sources))
         ]
         steps += torch.stack([x.steps for x in tried]).sum(0)
         earned = torch.stack([x.returns.mean(1) for x in tried], 1)
@@ -139,11 +144,20 @@ def transfer(
         seen = [t for x in tried for t in x.transitions]
         settings = settings or settings_for(q, shared, seen)
     assert settings is not None
-    episodes, rng = _episodes(envs, q, name), Rng(name, range(len(envs)))
+    episodes, rng = _episodes(envs, q, name, gamma), Rng(name, range(len(envs)))
     agent = settings.agent(q, shared.to(device), episodes.obs_dim, rng)
     learned = _learn(agent, episodes, iterations, name, callback)
     learned = evolve(learned, steps=learned.steps + steps)
-    return _keep_better(learned, envs, q, shared[:, :1], 4 * trials, name) if trials else learned
+    if not trials:
+        return learned
+    ours, theirs = (
+        _play(envs, q, w, 4 * trials, f"{name} comparison", gamma)
+        for w in (learned.weights, shared[:, :1])
+    )
+    improved = ours.returns.mean(1) >= theirs.returns.mean(1)
+    weights = torch.where(improved.view(-1, 1, 1), learned.weights, shared[:, :1])
+    steps = learned.steps + ours.steps + theirs.steps
+    return evolve(learned, weights=weights, steps=steps, improved=improved)
 
 
 def settings_for(q: QFunction, sources: Tensor, seen: Sequence[Transition]) -> Settings:
@@ -171,6 +185,7 @@ def evaluate(
     weights: Tensor,
     episodes: int = 20,
     *,
+    gamma: float = 0.99,
     seed: int = 0,
 ) -> Tensor:
     """Discounted returns (R, episodes) of greedy policies on fresh episodes.
@@ -180,7 +195,7 @@ def evaluate(
     check_whole("episodes", episodes)
     check_kind("weights", weights, Tensor)
     check_weights("weights", weights, len(envs), "component", q.d)
-    return _play(envs, q, weights, episodes, _name("evaluate", seed)).returns
+    return _play(envs, q, weights, episodes, _name("evaluate", seed), gamma).returns
 
 
 @frozen
@@ -191,14 +206,16 @@ class _Played:
 
 
 def _play(
-    envs: Sequence[gymnasium.Env], q: QFunction, weights: Tensor, episodes: int, name: str
+    envs: Sequence[gymnasium.Env],
+    q: QFunction,
+    weights: Tensor,
+    episodes: int,
+    name: str,
+    gamma: float,
 ) -> _Played:
     """Greedy episodes of weights (R, C, d), played until each run has so many."""
-    play, gamma = _episodes(envs, q, name), MellowTDSettings(epsilon_steps=1).gamma
-    count, steps = (
-        torch.zeros(len(envs), dtype=torch.int64),
-        torch.zeros(len(envs), dtype=torch.int64),
-    )
+    play, count = _episodes(envs, q, name, gamma), torch.zeros(len(envs), dtype=torch.int64)
+    steps, since = torch.zeros_like(count), torch.zeros_like(count)
     running, discount = torch.zeros(len(envs)), torch.ones(len(envs))
     returns, seen = torch.zeros(len(envs), episodes), []
     while bool((count < episodes).any()):
@@ -207,29 +224,21 @@ def _play(
         running += discount * seen[-1].reward
         discount *= gamma
         steps += count < episodes
+        since += 1
         for row in (play.fresh & (count < episodes)).nonzero().flatten().tolist():
             returns[row, count[row]] = running[row]
             count[row] += 1
-        running[play.fresh], discount[play.fresh] = 0.0, 1.0
+        running[play.fresh], discount[play.fresh], since[play.fresh] = 0.0, 1.0, 0
+        if int(since.max()) > LONGEST:
+            raise ValueError(
+                f"an episode has not ended after {LONGEST:,} steps: "
+                "gymnasium.wrappers.TimeLimit ends it"
+            )
     return _Played(returns, steps, seen)
 
 
-def _keep_better(
-    learned: Learned,
-    envs: Sequence[gymnasium.Env],
-    q: QFunction,
-    best: Tensor,
-    episodes: int,
-    name: str,
-) -> Learned:
-    """Where the best source (R, 1, d) still earns more, it is what is kept."""
-    ours, theirs = (
-        _play(envs, q, w.cpu(), episodes, f"{name} comparison") for w in (learned.weights, best)
-    )
-    improved = ours.returns.mean(1) >= theirs.returns.mean(1)
-    weights = torch.where(improved.view(-1, 1, 1), learned.weights.cpu(), best)
-    steps = learned.steps + ours.steps + theirs.steps
-    return evolve(learned, weights=weights, steps=steps, improved=improved)
+def _discount(settings: Settings | FineTuning) -> float:
+    return (settings.learner if isinstance(settings, FineTuning) else settings).gamma
 
 
 def _name(what: str, seed: int) -> str:
@@ -237,13 +246,13 @@ def _name(what: str, seed: int) -> str:
     return f"{what} {seed}"
 
 
-def _episodes(envs: Sequence[gymnasium.Env], q: QFunction, name: str) -> GymEpisodes:
+def _episodes(envs: Sequence[gymnasium.Env], q: QFunction, name: str, gamma: float) -> GymEpisodes:
     check_kind("envs", envs, Sequence)
     if len({id(env) for env in envs}) < len(envs):
         raise ValueError("each run needs an environment of its own, one is given twice")
     limit, runs = np.iinfo(np.int32).max, range(len(envs))
     seeds = [int(generator(name, run, "environment").integers(limit)) for run in runs]
-    episodes = GymEpisodes(envs, seeds)
+    episodes = GymEpisodes(envs, seeds, gamma)
     if q.n_actions != episodes.n_actions:
         raise ValueError(
             f"the Q-function must have the environments' {episodes.n_actions} actions, "
