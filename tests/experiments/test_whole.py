@@ -221,7 +221,7 @@ def test_parted_sources_must_earn_what_is_stored_of_their_weights(tiny, stored, 
     pool = tiny.pool
     assert list(check_runs(pool, "sources", EVERY, stored).wrong) == EVERY
     elsewhere(monkeypatch)
-    assert check_runs(pool, "sources", EVERY, stored).parted == dict.fromkeys(EVERY, 219)
+    assert check_runs(pool, "sources", EVERY, stored).parted == dict.fromkeys(EVERY, 199)
 
     def forge(arrays, note):
         arrays["fresh"][1] += 1

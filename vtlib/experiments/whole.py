@@ -225,7 +225,8 @@ def _parted(
         given = stored["weights"][[member]], stored["optimum"][[member]]
         earned = sources.judge(owner, [member], *given)
         same = all(np.allclose(v, stored[k][member], RELATIVE, ABSOLUTE) for k, v in earned.items())
-        return (first or owner.iterations) - 1 if same and "weights" in by_key else None
+        known = first - 1 if first else FINGERPRINTS[-1]
+        return known if same and "weights" in by_key else None
     if any(not x.iteration for x in differs) or (first <= FINGERPRINTS[-1] and not prints):
         return None
     learning, greedy = by_key.get("learning"), by_key.get("greedy")
