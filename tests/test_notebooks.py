@@ -17,7 +17,17 @@ PAGES = sorted(
     path for path in BOOK.glob("*.md") if "\nkernelspec:" in path.read_text(encoding="utf-8")[:500]
 )
 WITHOUT_THE_BOOK = "import sys; sys.modules.update(dict.fromkeys(('myst_nb', 'jupytext')))\n"
-BROUGHT = {"vtlib", "torch", "numpy", "scipy", "xarray", "attrs", "matplotlib", "IPython"}
+BROUGHT = {
+    "vtlib",
+    "torch",
+    "numpy",
+    "gymnasium",
+    "scipy",
+    "xarray",
+    "attrs",
+    "matplotlib",
+    "IPython",
+}
 
 
 @pytest.fixture
