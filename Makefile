@@ -107,11 +107,13 @@ $(SET_UP): requirements.txt pyproject.toml
 	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
 	@echo "--> 1 of 3: PyTorch, the build without CUDA"
 	@$(BIN)/pip install -q --retries 1 --timeout 30 --no-deps --index-url $(CPU_TORCH) $(TORCH) \
-		2>$(VENV)/torch.log || \
-		echo "    PyTorch's own index cannot be reached: taking it from the ordinary one (larger)"
-	@echo "--> 2 of 3: the pinned versions of requirements.txt"
-	@$(BIN)/pip install --progress-bar off -r requirements.txt >$(VENV)/install.log 2>&1 || \
-		{ tail -n 20 $(VENV)/install.log; exit 1; }
+		2>$(VENV)/torch.log || { \
+		echo "    PyTorch's own index cannot be reached: taking it from the ordinary one (larger)"; \
+		$(BIN)/pip install --progress-bar off $(TORCH) >$(VENV)/torch.log 2>&1; } || \
+		{ tail -n 20 $(VENV)/torch.log; exit 1; }
+	@echo "--> 2 of 3: everything else, at the versions and with the digests of requirements.txt"
+	@$(BIN)/pip install --progress-bar off --require-hashes -r requirements.txt \
+		>$(VENV)/install.log 2>&1 || { tail -n 20 $(VENV)/install.log; exit 1; }
 	@echo "--> 3 of 3: vtlib itself, in place"
 	@$(BIN)/pip install -q -e . --no-deps --no-build-isolation
 	@$(BIN)/pip check
