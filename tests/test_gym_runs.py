@@ -103,8 +103,31 @@ def test_the_best_source_comes_first_and_is_kept_where_learning_harms(monkeypatc
     torch.testing.assert_close(paid, torch.full((2,), sum(0.99**t for t in range(5))))
     kept = ~learned.improved
     torch.testing.assert_close(learned.weights[kept, 0], always(1).expand(int(kept.sum()), -1))
-    # two trials of each of two sources, learning, and four times as many of both in the end
-    assert learned.steps.tolist() == [2 * 2 * 5 + 3 + 2 * 8 * 5] * 2
+    # two trials of each of two sources, learning, and as many of what was learned
+    assert learned.steps.tolist() == [2 * 2 * 5 + 3 + 2 * 5] * 2
+
+
+@pytest.mark.parametrize(
+    ("ours", "improved"),
+    [
+        ((2.0, 2.0), True),
+        ((0.9, 0.9), False),
+        ((1.0, 1.0), True),
+        ((0.0, 3.0), False),  # more by 0.5, with a standard error of 1.5
+        ((1.3, 1.7), True),  # by 0.5, 0.2
+    ],
+)
+def test_what_was_learned_must_beat_the_source_by_its_standard_error(monkeypatch, ours, improved):
+    played = gym_runs._play
+    returns = iter([(1.0, 1.0), (0.0, 0.0), ours])  # of both sources and what was learned
+
+    def play(*arguments):
+        return attrs.evolve(played(*arguments), returns=torch.tensor([next(returns)]))
+
+    monkeypatch.setattr(gym_runs, "_play", play)
+    learned = transfer([Corridor()], Q, weights(2), 2, TRANSFER, trials=2)
+    assert learned.improved.tolist() == [improved]
+    assert torch.equal(learned.weights[0, 0], weights(2)[0]) is not improved
 
 
 def test_without_trials_it_is_the_method_alone():

@@ -108,7 +108,7 @@ def transfer(
     iterations: int,
     settings: Settings | FineTuning | None = None,
     *,
-    trials: int = 5,
+    trials: int = 20,
     seed: int = 0,
     callback: Callback | None = None,
     device: str = "cpu",
@@ -116,10 +116,11 @@ def transfer(
     """Learn each environment with a prior from solved sources (S, d): Algorithm 1, made safe.
 
     Each source first plays ``trials`` greedy episodes; the best comes first, where one component
-    starts. In the end the posterior's means play four times as many, as does the best source, and
-    what earns more is kept. Without settings they are ``settings_for`` the sources. With trials = 0
-    this is the thesis' algorithm and nothing else, and needs settings. Derives and raises as
-    ``solve``, also for sources that are missing, not finite or not of the Q-function's shape.
+    starts. In the end the posterior's means play as many, and are kept where they earn more than
+    the best source by at least the standard error of the difference. Without settings they are
+    ``settings_for`` the sources. With trials = 0 this is the thesis' algorithm and nothing else,
+    and needs settings. Raises as ``solve``, also for sources that are missing, not finite or not of
+    the Q-function's shape.
     """
     check_whole("iterations", iterations)
     check_whole("trials", trials, 0)
@@ -138,8 +139,8 @@ def transfer(
             for i in range(len(sources))
         ]
         steps += torch.stack([x.steps for x in tried]).sum(0)
-        earned = torch.stack([x.returns.mean(1) for x in tried], 1)
-        order = torch.argsort(-earned, dim=1, stable=True)
+        earned = torch.stack([x.returns for x in tried], 1)
+        order = torch.argsort(-earned.mean(2), dim=1, stable=True)
         shared = shared.gather(1, order.unsqueeze(2).expand_as(shared))
         seen = [t for x in tried for t in x.transitions]
         settings = settings or settings_for(q, shared, seen)
@@ -150,14 +151,11 @@ def transfer(
     learned = evolve(learned, steps=learned.steps + steps)
     if not trials:
         return learned
-    ours, theirs = (
-        _play(envs, q, w, 4 * trials, f"{name} comparison", gamma)
-        for w in (learned.weights, shared[:, :1])
-    )
-    improved = ours.returns.mean(1) >= theirs.returns.mean(1)
+    ours = _play(envs, q, learned.weights, trials, f"{name} trial", gamma)
+    gain = ours.returns - earned[torch.arange(len(envs)), order[:, 0]]
+    improved = gain.mean(1) >= gain.std(1, correction=0) / max(1, trials - 1) ** 0.5
     weights = torch.where(improved.view(-1, 1, 1), learned.weights, shared[:, :1])
-    steps = learned.steps + ours.steps + theirs.steps
-    return evolve(learned, weights=weights, steps=steps, improved=improved)
+    return evolve(learned, weights=weights, steps=learned.steps + ours.steps, improved=improved)
 
 
 def settings_for(q: QFunction, sources: Tensor, seen: Sequence[Transition]) -> Settings:
