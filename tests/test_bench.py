@@ -33,3 +33,11 @@ def test_the_table_has_every_published_algorithm(monkeypatch, capsys):
     expected = [2, 0.137, 2 / 0.137, 2, 1, 1, 17.5]
     assert [float(x) for x in cells[2][1:]] == pytest.approx(expected, rel=5e-3)
     assert all(math.isnan(float(row[4])) for row in cells[-3:])  # the kernels do not know them
+
+
+def test_without_stored_runs_the_sources_are_random_ones_of_the_same_shape(monkeypatch, tmp_path):
+    stored = bench.sources(CAR.published.pool)
+    monkeypatch.setenv("VTLIB_RESULTS", str(tmp_path))
+    made = bench.sources(CAR.published.pool)
+    assert (made.shape, made.dtype) == (stored.shape, stored.dtype)
+    assert made.std() > 0

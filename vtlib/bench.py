@@ -6,16 +6,18 @@ import time
 from collections.abc import Callable
 from itertools import islice
 
+import numpy as np
 import torch
 from attrs import evolve
 
+from vtlib.experiments import store
 from vtlib.experiments.cartpole import CARTPOLE
-from vtlib.experiments.experiment import Experiment
+from vtlib.experiments.experiment import SOURCES, Experiment, Pool
 from vtlib.experiments.maze import MAZE_TARGETS
 from vtlib.experiments.mountain_car import CAR
 from vtlib.experiments.rooms import ROOMS_EVALUATION
 from vtlib.experiments.run import prepare, prepare_natively
-from vtlib.experiments.store import weights
+from vtlib.rng import generator
 from vtlib.training import iterate
 from vtlib.transfer import Settings
 
@@ -53,16 +55,24 @@ def bound(experiment: Experiment, label: str, rate: float) -> float:
     return 1e3 * 4 * PASS * d * getattr(algorithm, "minibatch", 0) / rate
 
 
+def sources(pool: Pool) -> np.ndarray:
+    """The pool's stored weights (count, d), or random ones without them: the speed is the same."""
+    if store.exists(store.path_of(pool, SOURCES)):
+        return store.weights(pool)
+    rng = generator("bench", 0, "sources")
+    return 0.1 * rng.standard_normal((pool.count, pool.family.q().d), np.float32)
+
+
 def engine(experiment: Experiment, label: str, iterations: int = 20) -> float:
     """Milliseconds per run and iteration of the engine, many runs at once."""
-    batch = prepare(experiment, label, range(RUNS), weights(experiment.pool))
+    batch = prepare(experiment, label, range(RUNS), sources(experiment.pool))
     loop = iterate(batch.agent, batch.episodes)
     return _milliseconds(lambda n: list(islice(loop, n)), iterations) / RUNS
 
 
 def kernel(experiment: Experiment, label: str, iterations: int = 200) -> float | None:
     """The same of the kernels, one run at a time; None where they do not know the environment."""
-    runs = prepare_natively(experiment, label, [0], weights(experiment.pool))
+    runs = prepare_natively(experiment, label, [0], sources(experiment.pool))
     return None if runs is None else _milliseconds(runs[0].advance, iterations)
 
 
