@@ -65,6 +65,19 @@ def test_search_finds_a_page(book: Path, address: str, page) -> None:
         assert not page.faults
 
 
+# A word of the text that stands in no heading, and the page that has it.
+@pytest.mark.parametrize(("word", "name"), [("horseshoe", "method"), ("LAPACK", "reproducing")])
+def test_search_finds_a_word_of_the_text(book: Path, address: str, page, word, name) -> None:
+    for folder in (address, book.as_uri()):
+        page.goto(f"{folder}/book/{name}.html", wait_until="load")
+        titles = " ".join(page.locator("h1, h2, h3").all_inner_texts())
+        assert word.lower() not in titles.lower()
+        page.goto(f"{folder}/search.html?q={word}", wait_until="load")
+        page.wait_for_selector(f"#search-results li a[href*='{name}.html']")
+        assert not page.faults
+        assert not page.foreign
+
+
 def test_dark_mode_toggles_and_is_remembered(book: Path, address: str, page) -> None:
     def background() -> str:
         return page.evaluate("getComputedStyle(document.body).backgroundColor")
