@@ -51,12 +51,13 @@ test: $(KERNELS)
 	@$(BIN)/python -m pytest
 
 lint: $(KERNELS)
-	@echo "==> Checking style and types: a minute the first time, then seconds."
+	@echo "==> Checking style, types and language: a minute the first time, then seconds."
 	@$(BIN)/ruff check $(PYFILES)
 	@$(BIN)/ruff format --check $(PYFILES)
 	@$(BIN)/mypy
 	@PATH="$(abspath $(BIN)):$$PATH" $(BIN)/nbqa "ruff check" $(PAGES) $(PAGE_RULES)
 	@PATH="$(abspath $(BIN)):$$PATH" $(BIN)/nbqa "ruff format --check" $(PAGES)
+	@$(BIN)/python book/_ext/prose.py
 
 format: $(SET_UP)
 	@$(BIN)/ruff check --fix $(PYFILES)
