@@ -1,0 +1,83 @@
+"""Print the built pages, in the order of the table of contents, into one PDF.
+
+``python book/_ext/pdf.py _build/html book.pdf`` needs an installed Chromium. What is folded away on
+the pages, the code of figures above all, is left out by the print style in ``_static/book.css``.
+"""
+
+from __future__ import annotations
+
+import argparse
+import io
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import yaml
+from playwright.sync_api import sync_playwright
+from pypdf import PdfWriter
+
+ROOT = Path(__file__).resolve().parents[2]
+BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
+MARGIN = {"top": "18mm", "bottom": "18mm", "left": "16mm", "right": "16mm"}
+NUMBER = """<div style="font-size: 8px; text-align: center; width: 100%">
+<span class="title"></span>, <span class="pageNumber"></span></div>"""
+
+
+def in_order(entry: dict[str, Any], depth: int = 0) -> Iterator[tuple[str, int]]:
+    """Pages of a part of the table of contents with how deep they lie."""
+    for key, value in entry.items():
+        if key in ("root", "file"):
+            yield value, depth
+        elif key in ("parts", "chapters", "sections"):
+            for one in value:
+                yield from in_order(one, depth + (key == "sections"))
+
+
+def print_pages(html: Path, target: Path) -> None:
+    """Write the PDF, with an outline of the pages' titles."""
+    browser = next(filter(None, map(shutil.which, BROWSERS)), None)
+    if browser is None:
+        raise SystemExit(f"no browser found (looked for {', '.join(BROWSERS)})")
+    toc = yaml.safe_load((ROOT / "_toc.yml").read_text(encoding="utf-8"))
+    writer, parents = PdfWriter(), {}
+    with sync_playwright() as playwright:
+        chromium = playwright.chromium.launch(executable_path=browser, args=["--no-sandbox"])
+        page = chromium.new_page(color_scheme="light")
+        for name, depth in in_order(toc):
+            page.goto((html / f"{name}.html").as_uri(), wait_until="load")
+            page.wait_for_timeout(2000)  # formulas are typeset and sliders draw their pictures
+            data = page.pdf(
+                format="A4",
+                margin=MARGIN,
+                display_header_footer=True,
+                header_template="<span></span>",
+                footer_template=NUMBER,
+            )
+            first = len(writer.pages)
+            writer.append(io.BytesIO(data), import_outline=False)
+            heading = page.locator("h1").first.inner_text().rstrip("#").strip()
+            parents[depth] = writer.add_outline_item(
+                title=heading, page_number=first, parent=parents.get(depth - 1)
+            )
+        chromium.close()
+    target.parent.mkdir(parents=True, exist_ok=True)
+    writer.write(target)
+
+
+def main() -> int:
+    """Command line."""
+    parser = argparse.ArgumentParser(description="Print the built book into a PDF.")
+    parser.add_argument("html", type=Path, help="folder of built pages")
+    parser.add_argument("pdf", type=Path, help="file to write")
+    arguments = parser.parse_args()
+    html = arguments.html.resolve()
+    if not (html / "index.html").is_file():
+        parser.error(f"{html} holds no built book: run make book first")
+    print_pages(html, arguments.pdf)
+    print(f"{arguments.pdf}: {arguments.pdf.stat().st_size / 1e6:.1f} MB")
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
