@@ -49,6 +49,7 @@ def print_pages(html: Path, target: Path) -> None:
             page.wait_for_timeout(2000)  # formulas are typeset and sliders draw their pictures
             data = page.pdf(
                 format="A4",
+                scale=0.8,  # lines as long as on the screen
                 margin=MARGIN,
                 display_header_footer=True,
                 header_template="<span></span>",
