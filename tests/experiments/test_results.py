@@ -73,7 +73,9 @@ def test_results_stay_small():
 
 def test_nothing_stored_is_stray():
     stored = (path.relative_to(ROOT).as_posix() for path in ROOT.rglob("*.json"))
-    assert {name.removesuffix(".json") for name in stored} == RESULTS.keys()
+    # the guide's own are those of its script, see test_guide
+    names = {name.removesuffix(".json") for name in stored if not name.startswith("guide/")}
+    assert names == RESULTS.keys()
 
 
 def drawn() -> tuple[int, list[tuple[str, int]]]:
