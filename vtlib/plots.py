@@ -155,6 +155,21 @@ def returns_figure(
         return learning_figure(panels(runs, kinds), mean_optimum(runs), limits, title)
 
 
+def draw_over_published(
+    ax: Axes, stored: Dataset, theirs: PublishedCurve, kind: str, label: str, floor: float = 0.0
+) -> None:
+    """One algorithm's mean and band over the published in grey, and every run while learning."""
+    at, values = stored.iteration.values, stored[kind].values
+    if kind == "learning":
+        ax.plot(at, values.T, color=COLOURS[label], lw=0.4, alpha=0.3)
+        solved = int(np.isfinite(steps_to_solve(stored, floor)).sum())
+        words = f"{solved} of {len(values)} solved"
+        ax.annotate(words, (0.97, 0.06), xycoords="axes fraction", ha="right", size=8)
+    ax.fill_between(theirs.iterations, theirs.low, theirs.high, color=PUBLISHED, alpha=0.4, lw=0)
+    ax.plot(theirs.iterations, theirs.mean, color="black", lw=0.9)
+    draw_curves(ax, [Curve(label, at, values, COLOURS[label])], float(stored.optimum.mean()))
+
+
 def over_published(
     runs: Mapping[str, Dataset],
     printed: Mapping[str, Mapping[str, PublishedCurve]],
@@ -172,18 +187,7 @@ def over_published(
         axes = figure.subplots(2, len(labels), sharex=True, sharey=True, squeeze=False)
         for row, (name, kind) in zip(axes, KINDS.items(), strict=True):
             for ax, label in zip(row, labels, strict=True):
-                stored, theirs = runs[label], printed[kind][label]
-                at, values = stored.iteration.values, stored[kind].values
-                if kind == "learning":
-                    ax.plot(at, values.T, color=COLOURS[label], lw=0.4, alpha=0.3)
-                    solved = int(np.isfinite(steps_to_solve(stored, floor)).sum())
-                    words = f"{solved} of {len(values)} solved"
-                    ax.annotate(words, (0.97, 0.06), xycoords="axes fraction", ha="right", size=8)
-                band = theirs.iterations, theirs.low, theirs.high
-                ax.fill_between(*band, color=PUBLISHED, alpha=0.4, lw=0)
-                ax.plot(theirs.iterations, theirs.mean, color="black", lw=0.9)
-                mine = Curve(label, at, values, COLOURS[label])
-                draw_curves(ax, [mine], float(stored.optimum.mean()))
+                draw_over_published(ax, runs[label], printed[kind][label], kind, label, floor)
                 ax.set_xlabel("")
             row[0].set_ylabel(name)
             row[0].set_ylim(*limits)

@@ -102,6 +102,10 @@ MAZE_SLIDERS = sliders_of(
     MAZE_COMPONENTS,
 )
 
-# The other targets and protocol, and what is named above, are to be run.
-DONE = (MAIN, 0)
-EXPERIMENTS = tuple(x for n in DONE for x in (MAZE_TARGETS[n].published, MAZE_NOTHING[n]))
+# By the equations only the main maze has been run, and the sliders not yet.
+EXPERIMENTS = (
+    *(x for n in TARGETS for x in (MAZE_TARGETS[n].published, MAZE_NOTHING[n])),
+    MAZE_TARGETS[MAIN].equations,
+    MAZE_ANY_SOURCES,
+    MAZE_INGREDIENTS,
+)

@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping
 
 from vtlib.claims import Claim
 from vtlib.experiments.judged.control import cartpole, mountain_car
-from vtlib.experiments.judged.mazes import OTHER_MAZE, mazes
+from vtlib.experiments.judged.mazes import OTHER_MAZES, mazes
 from vtlib.experiments.judged.rooms import (
     rooms_distribution_change,
     rooms_evaluation,
@@ -18,7 +18,7 @@ from vtlib.experiments.judged.rooms import (
     rooms_number_of_sources,
 )
 
-__all__ = ["OTHER_MAZE", "PAGES"]
+__all__ = ["OTHER_MAZES", "PAGES"]
 
 # The pages in the book's order.
 PAGES: Mapping[str, Callable[[], list[Claim]]] = {
