@@ -180,32 +180,6 @@ def test_intervals_stand_below_each_other_and_beside_the_first():
         assert set(mark.get_xdata()) == {next(iter(group.values())).centre}
 
 
-def test_a_setting_stands_beside_the_same_runs_of_the_references(monkeypatch):
-    drawn = {}
-    real = plots.returns_figure
-    monkeypatch.setattr(
-        plots, "returns_figure", lambda shown, *a, **k: drawn.update(shown) or real(shown, *a, **k)
-    )
-    mine, thesis = runs(2, count=3, times=4), (1e-6, 0.5)
-    html = plots.setting_picture(STORED, mine, (1e-4, 0.5, 2), thesis, (0, 1))
-    assert list(drawn) == ["NT", "GVT", "2-MGVT"]
-    np.testing.assert_array_equal(drawn["GVT"].greedy, STORED["GVT"].greedy[:3, :4])
-    assert drawn["2-MGVT"] is mine
-    end = mine.learning.values[:, -1].mean()
-    alt, _ = picture_of(html)
-    assert all(x in alt for x in ("1e-04", "0.5", "2 comp", f"{end:.2f}"))
-
-
-def test_the_title_marks_the_settings_of_the_thesis():
-    thesis = (1e-6, 0.5)
-    own = [
-        x
-        for x in itertools.product((1e-6, 1e-5), (0.5, 1.0), (1, 2, 3))
-        if "thesis" in plots.setting_title(*x, thesis)
-    ]
-    assert own == [(*thesis, 1), (*thesis, 3)]
-
-
 def test_a_small_png_is_small_and_the_same_each_time(figure):
     data = plots.small_png(figure)
     assert data == plots.small_png(figure)

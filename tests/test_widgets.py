@@ -16,22 +16,24 @@ from xarray import Dataset
 from vtlib import widgets
 from vtlib.envs.rooms import RoomsFamily
 from vtlib.experiments.experiment import (
-    COMPONENTS,
+    POSTERIORS,
     PSIS,
     Experiment,
     Pool,
     slider_lambdas,
     slider_name,
+    slider_thesis,
     sliders_of,
 )
-from vtlib.experiments.rooms import MGVT
+from vtlib.experiments.rooms import GVT, MGVT
 from vtlib.plots import Curve
 from vtlib.training import Diverged
 from vtlib.widgets import Axis, LivePanel, parameter_axes, still_sliders
 
 FAMILY = RoomsFamily(rooms=2)
+ALGORITHMS = {"GVT": GVT, "1-MGVT": MGVT}
 POOL = Pool("tiny-pool", FAMILY, count=3)
-TINY = Experiment("tiny", POOL, FAMILY, {"1-MGVT": MGVT}, 3, 2, iterations=400, every=100)
+TINY = Experiment("tiny", POOL, FAMILY, ALGORITHMS, 3, 2, iterations=400, every=100)
 WEIGHTS = 0.1 * np.random.default_rng(0).random((3, FAMILY.q().d), dtype=np.float32)
 AXES = [
     Axis(r"\(a\)", "the first", [("one", 1.0), ("two", 2.0), ("three", 3.0)], 2),
@@ -81,17 +83,18 @@ def test_every_setting_of_the_sliders_shows_its_own_picture(axes, links):
 
 
 def test_the_parameters_cover_the_stored_grid_and_start_at_the_thesis_setting():
-    axes = parameter_axes(MGVT)
+    thesis = slider_thesis(TINY)
+    axes = parameter_axes(thesis, slider_lambdas(MGVT))
     grid = [tuple(value for _, value in axis.options) for axis in axes]
-    assert grid == [slider_lambdas(MGVT), PSIS, COMPONENTS]
-    assert [axis.options[axis.start][1] for axis in axes] == [MGVT.lambda_, MGVT.psi, 1]
+    assert grid == [slider_lambdas(MGVT), PSIS, POSTERIORS]
+    assert [axis.options[axis.start][1] for axis in axes] == [MGVT.lambda_, MGVT.psi, "1-MGVT"]
     assert [text for text, _ in axes[0].options] == ["10⁻⁸", "10⁻⁷", "10⁻⁶", "10⁻⁵", "10⁻⁴"]
     assert {slider_name(*values) for values in itertools.product(*grid)} == {
         *sliders_of(TINY, "sliders", 2, 200).algorithms
     }
     for wrong in ({"psi": 0.3}, {"lambda_": 3e-4}):
         with pytest.raises(ValueError, match=f"{next(iter(wrong))} must be one of"):
-            parameter_axes(evolve(MGVT, **wrong))
+            parameter_axes({"1-MGVT": evolve(MGVT, **wrong)}, slider_lambdas(MGVT))
 
 
 def stored(*algorithms: str) -> dict[str, Dataset]:
@@ -101,7 +104,7 @@ def stored(*algorithms: str) -> dict[str, Dataset]:
 
 
 def panel_of(experiment: Experiment = TINY, weights: np.ndarray = WEIGHTS) -> LivePanel:
-    return LivePanel(experiment, MGVT, weights, stored("NT", "GVT"), runs=2, iterations=200)
+    return LivePanel(experiment, weights, stored("NT", "GVT"), runs=2, iterations=200)
 
 
 def parts(panel: LivePanel) -> dict[str, ui.Widget]:
@@ -182,7 +185,7 @@ def test_a_panel_shows_what_is_stored_then_trains_draws_and_says_so(drawn):
 
 def test_a_panel_trains_what_its_sliders_say_on_the_stored_random_numbers(drawn, asked):
     panel = panel_of(evolve(TINY, counts={"1-MGVT": 1}))
-    for slider, index in zip(panel.widget.children, (4, 0, 1), strict=False):
+    for slider, index in zip(panel.widget.children, (4, 0, 2), strict=False):
         slider.index = index
     parts(panel)["sources"].value = 1
     trained(trained(panel))

@@ -226,49 +226,6 @@ def mean_optimum(runs: Mapping[str, Dataset]) -> float:
     return float(next(iter(runs.values())).optimum.mean())
 
 
-def first_runs(runs: Dataset, other: Dataset) -> Dataset:
-    """As many runs and iterations as another result has; both count from the same first run."""
-    sizes = other.learning.sizes
-    return runs.isel(run=slice(sizes["run"]), iteration=slice(sizes["iteration"]))
-
-
-def setting_picture(
-    references: Mapping[str, Dataset],
-    mine: Dataset,
-    setting: tuple[float, float, int],
-    thesis: tuple[float, float],
-    limits: tuple[float, float],
-) -> str:
-    """Returns with a setting (lambda, psi, components) of the sliders as an HTML picture.
-
-    Beside them are the same runs of the references, {algorithm: its stored returns}; thesis is
-    its lambda and psi, limits are those of the axis of returns.
-    """
-    runs = {label: first_runs(stored, mine) for label, stored in references.items()}
-    runs[f"{setting[2]}-MGVT"] = mine
-    end = float(mine.learning[:, -1].mean())
-    alt = f"Returns with {setting_words(*setting)}; final learning return {end:.2f}."
-    with look():
-        figure = returns_figure(runs, limits, title=setting_title(*setting, thesis))
-        return image_html(small_png(figure), alt)
-
-
-def setting_title(lambda_: float, psi: float, components: int, thesis: tuple[float, float]) -> str:
-    """A setting of the sliders in symbols, marked when its lambda and psi are the thesis'."""
-    title = f"λ = {power_of_ten(lambda_)}, ψ = {psi:g}, {_counted(components)}"
-    own = (lambda_, psi) == thesis and components in (1, 3)
-    return title + (" (the thesis' setting)" if own else "")
-
-
-def setting_words(lambda_: float, psi: float, components: int) -> str:
-    """A setting of the sliders in words, for those who hear a picture."""
-    return f"lambda = {lambda_:.0e}, psi = {psi:g}, {_counted(components)}"
-
-
-def _counted(components: int) -> str:
-    return f"{components} component{'s' if components > 1 else ''}"
-
-
 def power_of_ten(value: float) -> str:
     """A power of ten with its exponent raised, such as 10⁻⁶."""
     exponent = str(round(np.log10(value)))

@@ -1,9 +1,10 @@
-"""Sliders for lambda, psi and the number of components: over stored runs, and live."""
+"""Sliders for lambda, psi and the posterior: over pictures drawn beforehand, and live."""
 
 from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 import ipywidgets as ui
 import numpy as np
@@ -11,7 +12,14 @@ from attrs import evolve, frozen
 from xarray import Dataset
 
 from vtlib import plots
-from vtlib.experiments.experiment import COMPONENTS, PSIS, Experiment, slider_lambdas
+from vtlib.experiments.experiment import (
+    POSTERIORS,
+    PSIS,
+    Experiment,
+    slider_lambdas,
+    slider_settings,
+    slider_thesis,
+)
 from vtlib.experiments.run import run_batch
 from vtlib.plots import Curve, image_html, learning_figure, look, power_of_ten, small_png
 from vtlib.transfer import Settings
@@ -26,29 +34,30 @@ class Axis:
 
     label: str
     name: str
-    options: Sequence[tuple[str, float]]
+    options: Sequence[tuple[str, Any]]
     start: int
 
 
 def parameter_axes(
-    base: Settings,
-    lambdas: Sequence[float] | None = None,
+    thesis: Mapping[str, Settings],
+    lambdas: Sequence[float],
     psis: Sequence[float] = PSIS,
-    components: Sequence[int] = COMPONENTS,
+    posteriors: Sequence[str] = POSTERIORS,
 ) -> list[Axis]:
-    """Sliders over the stored grid around the thesis' setting, which they start at.
+    """Sliders over lambda, psi and the posterior, which start at the thesis' 1-MGVT.
 
-    lambdas are ``slider_lambdas`` by default. ValueError when the setting is not on the grid.
+    ValueError when its setting is not on the grid.
     """
-    lambdas = lambdas or slider_lambdas(base)
+    base = thesis["1-MGVT"]
     for name, grid in (("lambda_", lambdas), ("psi", psis)):
         if getattr(base, name) not in grid:
             raise ValueError(f"{name} must be one of {tuple(grid)}, got {getattr(base, name)}")
     powers, shares = [(power_of_ten(x), x) for x in lambdas], [(f"{x:g}", x) for x in psis]
+    kinds, spoken = [(x, x) for x in posteriors], "posterior, a Gaussian or C components"
     return [
         Axis(r"\(\lambda\)", "lambda, weight of the KL term", powers, lambdas.index(base.lambda_)),
         Axis(r"\(\psi\)", "psi, share of the full gradient", shares, psis.index(base.psi)),
-        Axis(r"\(C\)", "C, number of components", [(str(x), x) for x in components], 0),
+        Axis("posterior", spoken, kinds, posteriors.index("1-MGVT")),
     ]
 
 
@@ -60,7 +69,7 @@ def still_sliders(axes: Sequence[Axis], picture: Callable[..., str]) -> ui.VBox:
     """
     levels: list[list[ui.Stack]] = [[] for _ in axes]
 
-    def fill(depth: int, values: tuple[float, ...]) -> ui.Widget:
+    def fill(depth: int, values: tuple[Any, ...]) -> ui.Widget:
         if depth == len(axes):
             return ui.HTML(picture(*values), layout=FULL)
         axis = axes[depth]
@@ -92,8 +101,8 @@ def _slider(axis: Axis) -> ui.SelectionSlider:
 class LivePanel:
     """Train with chosen parameters and draw the new curve over stored ones, in JupyterLab.
 
-    base is the setting of the thesis, whose other parameters are kept; weights (count, d) are those
-    of the experiment's pool; stored are returns by algorithm. ``widget`` is what to display.
+    The other parameters are those of the experiment's GVT and 1-MGVT; weights (count, d) are those
+    of its pool; stored are returns by algorithm. ``widget`` is what to display.
     ``run`` starts the training in a thread of its own and ``stop`` ends it at the next evaluation;
     what was learned until then is drawn.
     """
@@ -101,15 +110,16 @@ class LivePanel:
     def __init__(
         self,
         experiment: Experiment,
-        base: Settings,
         weights: np.ndarray,
         stored: Mapping[str, Dataset],
         runs: int = 5,
         iterations: int = 3_000,
     ) -> None:
-        self._experiment, self._base, self._weights = experiment, base, weights
+        self._experiment, self._weights = experiment, weights
+        self._thesis = slider_thesis(experiment)
         self._stored, self._optimum = plots.panels(stored), plots.mean_optimum(stored)
-        self._axes = [_slider(axis) for axis in parameter_axes(base)]
+        axes = parameter_axes(self._thesis, slider_lambdas(self._thesis["1-MGVT"]))
+        self._axes = [_slider(axis) for axis in axes]
         self._runs = _number("runs", 2, runs, experiment.runs)
         self._sources = _number("sources", 1, experiment.sources, experiment.sources)
         self._iterations = _number("iterations", 200, iterations, experiment.iterations)
@@ -147,16 +157,15 @@ class LivePanel:
 
     def _train(self) -> None:
         try:
-            lambda_, psi, components = (slider.value for slider in self._axes)
-            settings = evolve(self._base, lambda_=lambda_, psi=psi, components=int(components))
+            setting = [slider.value for slider in self._axes]
             live = evolve(
                 self._experiment,
-                algorithms={"live": settings},
+                algorithms={"live": slider_settings(self._thesis, *setting)},
                 counts={"live": self._sources.value},
                 iterations=self._iterations.value,
             )
             arrays = run_batch(live, "live", range(self._runs.value), self._weights, self._progress)
-            label, at = f"{settings.components}-MGVT, just now", arrays["iterations"]
+            label, at = f"{setting[-1]}, just now", arrays["iterations"]
             self._draw([Curve(label, at, arrays[kind], NEW) for kind in plots.KINDS.values()])
             self._says.value = f"{'stopped' if self._halt.is_set() else 'done'} at {at[-1]:,}"
         except Exception as error:  # nobody else would see it: this is a thread of its own

@@ -128,14 +128,18 @@ def test_an_algorithm_uses_all_eligible_sources_unless_told_otherwise(tiny):
 
 
 def test_sliders_are_a_grid_around_the_thesis_setting(tiny):
-    around = evolve(tiny, algorithms={"1-MGVT": Settings(lambda_=1e-6)}, runs_per_task=3)
+    thesis = {"GVT": Settings(family="gaussian", lambda_=1e-3), "1-MGVT": Settings(lambda_=1e-6)}
+    around = evolve(tiny, algorithms=thesis, runs_per_task=3)
     sliders = sliders_of(around, "tiny-sliders", runs=2, iterations=100)
-    assert len(sliders.algorithms) == 5 * 3 * 3
-    name = slider_name(1e-8, 0.5, 2)
+    assert len(sliders.algorithms) == 5 * 3 * 4
+    assert sliders.algorithms[slider_name(1e-4, 1.0, "GVT")] == evolve(
+        thesis["GVT"], lambda_=1e-4, psi=1.0
+    )
+    name = slider_name(1e-8, 0.5, "2-MGVT")
     assert name == "2-MGVT-lambda-1e-08-psi-0.5"
     assert sliders.algorithms[name] == Settings(lambda_=1e-8, psi=0.5, components=2)
     assert (sliders.stream, sliders.runs_per_task) == (tiny.stream, 1)
-    few = sliders_of(around, "few", 2, 100, [1e-6], [0.0], [1, 3])
+    few = sliders_of(around, "few", 2, 100, [1e-6], [0.0], ["1-MGVT", "3-MGVT"])
     assert list(few.algorithms) == ["3-MGVT-lambda-1e-06-psi-0", "1-MGVT-lambda-1e-06-psi-0"]
 
 
@@ -145,5 +149,5 @@ def test_sliders_need_a_lambda_and_an_algorithm_to_vary(tiny):
         slider_lambdas(Settings(lambda_=0))
     with pytest.raises(ValueError, match=r"algorithms\['NT'\] must be of type Settings"):
         tiny.transfer_settings("NT")
-    with pytest.raises(ValueError, match="the sliders' algorithm must be one of NT"):
+    with pytest.raises(ValueError, match="the sliders' algorithm must be one of NT, "):
         sliders_of(tiny, "tiny-sliders", 2, 100)

@@ -10,7 +10,8 @@ import pytest
 from vtlib import visits
 from vtlib.claims import NOT, REPRODUCED, UNDECIDED, Claim, Runs
 from vtlib.experiments import judged, returns
-from vtlib.experiments.rooms import ROOMS_EXPLORATION, ROOMS_SOURCES, count_name
+from vtlib.experiments.experiment import count_name
+from vtlib.experiments.rooms import ROOMS_EXPLORATION, ROOMS_SOURCES
 
 BOOK = Path(__file__).parents[2] / "book"
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Mapping, Sequence
 from typing import ClassVar, Protocol, runtime_checkable
@@ -161,7 +162,7 @@ class Experiment:
 
 
 PSIS = (0.0, 0.5, 1.0)
-COMPONENTS = (1, 2, 3)
+POSTERIORS = ("GVT", "1-MGVT", "2-MGVT", "3-MGVT")
 
 
 def slider_lambdas(base: Settings) -> tuple[float, ...]:
@@ -171,9 +172,31 @@ def slider_lambdas(base: Settings) -> tuple[float, ...]:
     return tuple(float(f"1e{middle + step}") for step in (-2, -1, 0, 1, 2))
 
 
-def slider_name(lambda_: float, psi: float, components: int) -> str:
+def count_name(algorithm: str, count: int) -> str:
+    """The name under which an algorithm with so many sources is stored."""
+    return f"{algorithm}-from-{count}"
+
+
+def slider_name(lambda_: float, psi: float, posterior: str) -> str:
     """The name under which one setting of the sliders is stored."""
-    return f"{components}-MGVT-lambda-{lambda_:.0e}-psi-{psi:g}"
+    return f"{posterior}-lambda-{lambda_:.0e}-psi-{psi:g}"
+
+
+def slider_settings(
+    thesis: Mapping[str, Settings], lambda_: float, psi: float, posterior: str
+) -> Settings:
+    """One setting of the sliders around the thesis' of "GVT" and "1-MGVT"."""
+    if posterior == "GVT":
+        return evolve(thesis["GVT"], lambda_=lambda_, psi=psi)
+    components = int(posterior.removesuffix("-MGVT"))
+    return evolve(thesis["1-MGVT"], lambda_=lambda_, psi=psi, components=components)
+
+
+def slider_thesis(experiment: Experiment) -> dict[str, Settings]:
+    """The thesis' settings around which sliders move; ValueError when an experiment lacks one."""
+    for label in ("GVT", "1-MGVT"):
+        check_one_of("the sliders' algorithm", label, experiment.algorithms)
+    return {label: experiment.transfer_settings(label) for label in ("GVT", "1-MGVT")}
 
 
 def sliders_of(
@@ -183,23 +206,21 @@ def sliders_of(
     iterations: int,
     lambdas: Sequence[float] | None = None,
     psis: Sequence[float] = PSIS,
-    components: Sequence[int] = COMPONENTS,
+    posteriors: Sequence[str] = POSTERIORS,
 ) -> Experiment:
-    """The settings of the sliders around 1-MGVT, on an experiment's first runs or tasks.
+    """The settings of the sliders around GVT and 1-MGVT, on an experiment's first runs or tasks.
 
-    lambdas, psis, components: those of the sliders; lambdas are ``slider_lambdas`` by default.
-    Raises ValueError when the experiment has no 1-MGVT.
+    lambdas, psis, posteriors: those of the sliders; lambdas are ``slider_lambdas`` of 1-MGVT by
+    default. Raises ValueError when the experiment lacks GVT or 1-MGVT.
     """
-    check_one_of("the sliders' algorithm", "1-MGVT", experiment.algorithms)
-    base = experiment.transfer_settings("1-MGVT")
+    thesis = slider_thesis(experiment)
+    lambdas = lambdas or slider_lambdas(thesis["1-MGVT"])
     return evolve(
         experiment,
         name=name,
         algorithms={
-            slider_name(lambda_, psi, c): evolve(base, lambda_=lambda_, psi=psi, components=c)
-            for c in reversed(components)
-            for lambda_ in lambdas or slider_lambdas(base)
-            for psi in psis
+            slider_name(*setting): slider_settings(thesis, *setting)
+            for setting in itertools.product(lambdas, psis, reversed(posteriors))
         },
         runs=runs,
         iterations=iterations,

@@ -91,7 +91,8 @@ MAZE_ANY_SOURCES = evolve(
     algorithms={"GVT": PUBLISHED_GVT, "1-MGVT": PUBLISHED_MGVT},
     excluded=(MAIN,),
 )
-MAZE_LAMBDAS, MAZE_PSIS, MAZE_COMPONENTS = (1e-8, 1e-6, 1e-4), (0.0, 0.5), (1, 3)
+MAZE_LAMBDAS, MAZE_PSIS = (1e-8, 1e-6, 1e-4), (0.0, 0.5)
+MAZE_POSTERIORS = ("GVT", "1-MGVT", "3-MGVT")
 MAZE_SLIDERS = sliders_of(
     MAZE_TARGETS[MAIN].published,
     "maze-sliders",
@@ -99,13 +100,14 @@ MAZE_SLIDERS = sliders_of(
     5_000,
     MAZE_LAMBDAS,
     MAZE_PSIS,
-    MAZE_COMPONENTS,
+    MAZE_POSTERIORS,
 )
 
-# By the equations only the main maze has been run, and the sliders not yet.
+# By the equations only the main maze has been run.
 EXPERIMENTS = (
     *(x for n in TARGETS for x in (MAZE_TARGETS[n].published, MAZE_NOTHING[n])),
     MAZE_TARGETS[MAIN].equations,
     MAZE_ANY_SOURCES,
     MAZE_INGREDIENTS,
+    MAZE_SLIDERS,
 )

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 from attrs import evolve
 
 from vtlib.baselines import MellowTDSettings
 from vtlib.envs.rooms import RoomsFamily
-from vtlib.experiments.experiment import Experiment, Pool
+from vtlib.experiments.experiment import Experiment, Pool, count_name, sliders_of
 from vtlib.experiments.protocols import (
     FINE_TUNED,
     FINE_TUNED_GREEDY,
@@ -169,12 +170,7 @@ ROOMS_LIKELIHOOD = ROOMS_LIKELIHOOD._replace(
 SOURCE_COUNTS = tuple(range(2, 11))
 
 
-def count_name(algorithm: str, count: int) -> str:
-    """The name under which an algorithm with so many sources is stored."""
-    return f"{algorithm}-from-{count}"
-
-
-def _by_count(experiment: Experiment) -> Experiment:
+def _by_count(experiment: Experiment, numbers: Sequence[int] = SOURCE_COUNTS) -> Experiment:
     """Every algorithm that knows how many sources there are, with each number of them."""
     counted = {
         label: one
@@ -183,23 +179,36 @@ def _by_count(experiment: Experiment) -> Experiment:
     }
     return evolve(
         experiment,
-        algorithms={count_name(x, n): one for x, one in counted.items() for n in SOURCE_COUNTS},
-        counts={count_name(x, n): n for x in counted for n in SOURCE_COUNTS},
+        algorithms={count_name(x, n): one for x, one in counted.items() for n in numbers},
+        counts={count_name(x, n): n for x in counted for n in numbers},
     )
 
 
-ROOMS_SOURCES = Protocols(
-    *map(
-        _by_count,
-        _protocols(
-            "rooms-number-of-sources",
-            TWO_ROOMS,
-            RoomsFamily(rooms=2),
-            2,
-            iterations=1_950,
-            every=50,
-        ),
-    )
+_COUNTED = _protocols(
+    "rooms-number-of-sources", TWO_ROOMS, RoomsFamily(rooms=2), 2, iterations=1_950, every=50
+)
+ROOMS_SOURCES = Protocols(*map(_by_count, _COUNTED))
+
+# The published lambda of mixtures and that of GVT, the text's between them, and one on each side.
+ROOMS_LAMBDAS = (1e-8, 1e-6, 1e-4, 1e-3, 1e-2)
+ROOMS_EVALUATION_SLIDERS = sliders_of(
+    ROOMS_EVALUATION.published, "rooms-evaluation-sliders", 10, 3_000, ROOMS_LAMBDAS
+)
+ROOMS_CHANGE_SLIDERS = sliders_of(
+    ROOMS_CHANGE.published, "rooms-distribution-change-sliders", 10, 5_000, ROOMS_LAMBDAS
+)
+ROOMS_EXPLORATION_SLIDERS = evolve(
+    sliders_of(ROOMS_EXPLORATION.published, "rooms-exploration-sliders", 10, 2_000, ROOMS_LAMBDAS),
+    visits=False,
+)
+# One run at each of the published doors.
+ROOMS_LIKELIHOOD_SLIDERS = sliders_of(
+    ROOMS_LIKELIHOOD.published, "rooms-likelihood-sliders", 19, 2_000, ROOMS_LAMBDAS
+)
+SLIDER_COUNTS = (2, 5, 10)
+ROOMS_SOURCES_SLIDERS = _by_count(
+    sliders_of(_COUNTED.published, "rooms-number-of-sources-sliders", 10, 1_950, ROOMS_LAMBDAS),
+    SLIDER_COUNTS,
 )
 
 ROOMS_CALIBRATION = evolve(
@@ -229,4 +238,9 @@ EXPERIMENTS = (
     ROOMS_FRONTIER,
     ROOMS_CORNER,
     ROOMS_CALIBRATION,
+    ROOMS_EVALUATION_SLIDERS,
+    ROOMS_CHANGE_SLIDERS,
+    ROOMS_EXPLORATION_SLIDERS,
+    ROOMS_LIKELIHOOD_SLIDERS,
+    ROOMS_SOURCES_SLIDERS,
 )

@@ -19,6 +19,7 @@ from vtlib.claims import (
     share_interval,
 )
 from vtlib.experiments import likelihood, load, returns, rooms
+from vtlib.experiments.experiment import count_name
 from vtlib.experiments.published import rows
 from vtlib.stats import Interval, difference_interval, mean_interval, slope_interval
 
@@ -270,7 +271,7 @@ def rooms_number_of_sources() -> list[Claim]:
     def found(measure: Measure, other: str, count: int, t: int) -> dict[str, Interval]:
         found = {}
         for protocol, experiment in rooms.ROOMS_SOURCES._asdict().items():
-            a, b = (Runs(returns(experiment, rooms.count_name(x, count))) for x in ("GVT", other))
+            a, b = (Runs(returns(experiment, count_name(x, count))) for x in ("GVT", other))
             found[protocol] = measure(a, b, t)
         return found
 
