@@ -140,7 +140,7 @@ def test_the_gallery_shows_every_figure(book: Path) -> None:
         if path.name != "index.html"
         for figure in soup(path).select("figure[id]")
     }
-    shown = [link["href"] for link in soup(book / "book" / "index.html").select(".gallery a")]
+    shown = [link["href"] for link in soup(book / "book" / "gallery.html").select(".gallery a")]
     assert len(shown) == len(set(shown))
     assert set(shown) == drawn
 

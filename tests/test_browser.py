@@ -9,8 +9,11 @@ from pathlib import Path
 import pytest
 
 from vtlib.experiments.cartpole import CARTPOLE
-from vtlib.experiments.experiment import COMPONENTS, PSIS, slider_lambdas
+from vtlib.experiments.experiment import POSTERIORS, PSIS, slider_lambdas
+from vtlib.experiments.maze import MAZE_LAMBDAS, MAZE_POSTERIORS, MAZE_PSIS
+from vtlib.experiments.maze import PUBLISHED_MGVT as MAZE_MGVT
 from vtlib.experiments.mountain_car import CAR, CAR_LAMBDAS
+from vtlib.experiments.rooms import PUBLISHED_MGVT, ROOMS_LAMBDAS
 from vtlib.transfer import Settings
 
 
@@ -131,16 +134,23 @@ ONE_OTHER = (
 )
 
 
-def panels_of(base: Settings, lambdas: Sequence[float], panels: int):
-    return base, lambdas, panels, PSIS, COMPONENTS
+def panels_of(base: Settings, lambdas: Sequence[float], panels: int = 1, psis=PSIS):
+    return base, lambdas, panels, psis
 
 
 CART = CARTPOLE.published.transfer_settings("1-MGVT")
+ROOMS = panels_of(PUBLISHED_MGVT, ROOMS_LAMBDAS)
 # The setting that each page's sliders start at, the values of lambda, its slider panels, and the
-# values of psi and C.
+# values of psi.
 SETTINGS = {
     "cartpole": panels_of(CART, slider_lambdas(CART), 1),
     "mountain_car": panels_of(CAR.published.transfer_settings("1-MGVT"), CAR_LAMBDAS, 2),
+    "mazes": panels_of(MAZE_MGVT, MAZE_LAMBDAS, 2, MAZE_PSIS),
+    "rooms_evaluation": ROOMS,
+    "rooms_distribution_change": ROOMS,
+    "rooms_exploration": panels_of(PUBLISHED_MGVT, ROOMS_LAMBDAS, 2),
+    "rooms_likelihood": ROOMS,
+    "rooms_number_of_sources": ROOMS,
 }
 
 
@@ -149,16 +159,17 @@ SETTINGS = {
 def test_each_slider_shows_the_picture_of_its_setting(
     book: Path, address: str, page, name: str
 ) -> None:
-    base, lambdas, panels, psis, components = SETTINGS[name]
+    base, lambdas, panels, psis = SETTINGS[name]
     values = [[f"lambda = {x:.0e}," for x in lambdas], [f"psi = {x:g}," for x in psis]]
-    values.append([f" {c} component" for c in components])
+    values.append([f" {x};" for x in (MAZE_POSTERIORS if name == "mazes" else POSTERIORS)])
     for _ in open_everywhere(page, book, address, f"book/{name}.html"):
         page.wait_for_selector(".widget-slider .noUi-handle[aria-label]", state="attached")
         handles = page.locator(".widget-slider .noUi-handle").all()
-        assert len(handles) == len(values) + panels - 1
-        current = [f"lambda = {base.lambda_:.0e},", f"psi = {base.psi:g},", " 1 component"]
+        counted = name == "rooms_number_of_sources"
+        assert len(handles) == len(values) + panels - 1 + counted
+        current = [f"lambda = {base.lambda_:.0e},", f"psi = {base.psi:g},", " 1-MGVT;"]
         assert_shown(page, current, panels)
-        for axis, handle in enumerate(handles[panels - 1 :]):
+        for axis, handle in enumerate(handles[panels - 1 :][:3]):
             handle.focus()
             page.keyboard.press("Home")
             for at, text in enumerate(values[axis]):

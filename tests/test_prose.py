@@ -11,16 +11,20 @@ from vtlib.experiments.cartpole import (
     CARTPOLE_SLIDERS,
 )
 from vtlib.experiments.experiment import Experiment
-from vtlib.experiments.maze import MAIN, MAZE_TARGETS
+from vtlib.experiments.maze import MAIN, MAZE_SLIDERS, MAZE_TARGETS
 from vtlib.experiments.mountain_car import CAR, CAR_SLIDERS
 from vtlib.experiments.rooms import (
     PUBLISHED_GVT,
     PUBLISHED_MGVT,
     ROOMS_CHANGE,
+    ROOMS_CHANGE_SLIDERS,
     ROOMS_EVALUATION,
+    ROOMS_EVALUATION_SLIDERS,
     ROOMS_EXPLORATION,
+    ROOMS_EXPLORATION_SLIDERS,
     ROOMS_LIKELIHOOD,
     ROOMS_SOURCES,
+    ROOMS_SOURCES_SLIDERS,
 )
 
 BOOK = Path(__file__).resolve().parent.parent / "book"
@@ -39,6 +43,11 @@ def sliders(experiment: Experiment) -> str:
 
 
 TYPED = [
+    ("rooms_evaluation", sliders(ROOMS_EVALUATION_SLIDERS)),
+    ("rooms_distribution_change", sliders(ROOMS_CHANGE_SLIDERS)),
+    ("rooms_exploration", sliders(ROOMS_EXPLORATION_SLIDERS)),
+    ("rooms_number_of_sources", sliders(ROOMS_SOURCES_SLIDERS)),
+    ("mazes", sliders(MAZE_SLIDERS)),
     ("cartpole", sliders(CARTPOLE_SLIDERS)),
     ("cartpole", f"over {CARTPOLE.published.iterations:,} iterations"),
     ("cartpole", f"against {CARTPOLE.published.iterations:,} iterations"),

@@ -50,7 +50,8 @@ def setting_sliders(
         mine, theirs = stored(setting, count), stored(usual, count)
         words = setting_words(setting, usual, mine, theirs)
         return f"<p>{words}</p>" + setting_picture(
-            references(*count), mine, setting, grid.family.limits)
+            references(*count), mine, setting, grid.family.limits
+        )
 
     return widgets.still_sliders(axes, picture)
 

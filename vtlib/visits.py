@@ -15,9 +15,14 @@ CELLS = (int(SIDE), int(WALL))  # unit cells of the lower room, across and up
 NEAR_DOOR = 2.0  # a visit within this distance of the door's centre is a visit at the door
 
 
+def at_goal(visited: np.ndarray) -> np.ndarray:
+    """Whether each visit lies at the goal, where an episode ends."""
+    return _near(visited, GOAL, GOAL_RADIUS)
+
+
 def arrivals(visited: np.ndarray) -> np.ndarray:
     """How often each run (R,) arrived at the goal."""
-    return np.asarray(_near(visited, GOAL, GOAL_RADIUS).sum(1))
+    return np.asarray(at_goal(visited).sum(1))
 
 
 def share_at_door(visited: np.ndarray, door: float) -> np.ndarray:

@@ -21,8 +21,9 @@ def dependencies(root: Path) -> Iterator[Path]:
     """Files that decide a page's outputs beside its own cells, in a fixed order."""
     yield root / "requirements.txt"
     results = Path(os.environ.get("VTLIB_RESULTS", root / "book" / "results"))
-    panel = (root / "book" / "_static").glob("trainer*")
-    for path in sorted([*(root / "vtlib").rglob("*"), *results.rglob("*"), *panel]):
+    static = root / "book" / "_static"
+    panels = (path for name in ("trainer", "race") for path in static.glob(f"{name}*"))
+    for path in sorted([*(root / "vtlib").rglob("*"), *results.rglob("*"), *panels]):
         if path.is_file() and not IGNORED.intersection(path.parts):
             yield path
 

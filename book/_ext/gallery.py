@@ -21,6 +21,7 @@ from docutils.parsers.rst import Directive
 from myst_nb.sphinx_ import NbMetadataCollector
 from PIL import Image
 
+PAGE = "book/gallery"
 WIDTH = 480  # pixels, twice what a thumbnail takes on the page
 COLOURS = 64
 VIEW = "application/vnd.jupyter.widget-view+json"
@@ -41,11 +42,11 @@ class Gallery(Directive):
 
 @dataclass(frozen=True)
 class Shown:
-    """A figure: its target on its page, its number, where it stands, and its picture."""
+    """A figure: its target on its page, its number, its caption, and its picture."""
 
     target: str
     number: str
-    heading: str
+    caption: str
     alt: str
     png: bytes
 
@@ -57,12 +58,11 @@ def in_order(env: Any, docname: str) -> Iterator[str]:
         yield from in_order(env, child)
 
 
-def heading_of(figure: nodes.figure) -> str:
-    """Title of the section that a figure stands in."""
-    node = figure.parent
-    while not isinstance(node, nodes.section):
-        node = node.parent
-    return node.next_node(nodes.title).astext()
+def caption_of(figure: nodes.figure) -> str:
+    """The first sentence of a figure's caption, without the thesis' number."""
+    words = " ".join(figure.next_node(nodes.caption).astext().split())
+    words = re.sub(r"^\(.*?\) ", "", words)
+    return re.split(r"(?<=[a-z)])\. ", words)[0].rstrip(".")
 
 
 def first_picture(state: dict[str, Any], model: str) -> str:
@@ -102,7 +102,7 @@ def figures(app: Any, docname: str) -> Iterator[Shown]:
         picture = picture_of(app, docname, figure) if target else None
         if picture:
             number = ".".join(map(str, numbers[target]))
-            yield Shown(figure["ids"][0], number, heading_of(figure), *picture)
+            yield Shown(figure["ids"][0], number, caption_of(figure), *picture)
 
 
 def thumbnail(png: bytes) -> bytes:
@@ -128,7 +128,7 @@ def entry(app: Any, here: str, docname: str, shown: Shown) -> str:
     return (
         f'<li><a href="{link}"><img src="{"../" * here.count("/")}{file}" loading="lazy" '
         f'width="{width}" height="{height}" alt="{escape(shown.alt)}">'
-        f"<span>Figure {shown.number}: {escape(shown.heading)}</span></a></li>"
+        f"<span>Figure {shown.number}: {escape(shown.caption)}</span></a></li>"
     )
 
 
@@ -145,8 +145,8 @@ def fill(app: Any, doctree: nodes.document, docname: str) -> None:
 
 
 def outdated(app: Any, env: Any, added: set, changed: set, removed: set) -> list[str]:
-    """The first page is written anew with every build: any page may have drawn something else."""
-    return [app.config.root_doc]
+    """Its page is written anew with every build: any page may have drawn something else."""
+    return [PAGE]
 
 
 def setup(app: Any) -> dict[str, Any]:
