@@ -194,6 +194,8 @@ def test_a_worker_that_dies_loses_nothing(tiny, computed, there, tmp_path):
 
 # A command of its own, which can be killed: one that computes with two processes of its own.
 SCRIPT = """
+import os
+import signal
 import sys
 from vtlib.interrupts import end_at_once
 
@@ -214,6 +216,19 @@ TINY = evolve(CARTS, name="tiny", algorithms=some, **size)
 EXPERIMENTS.clear()
 EXPERIMENTS["tiny"] = TINY
 schedule.BATCH = 1
+
+
+def replace(*names, real=os.replace):
+    "Everything is killed before the file of that number is put in its place."
+    with open("counted", "ab") as counted:
+        counted.write(b".")
+    if os.path.getsize("counted") == int(os.environ["KILL_AT"]):
+        os.killpg(0, signal.SIGKILL)
+    real(*names)
+
+
+if "KILL_AT" in os.environ:
+    os.replace = replace
 if __name__ == "__main__":
     command, *rest = sys.argv[3:] or ["run", "tiny", "--jobs", "2"]
     sys.exit(main([command, *rest, "--results", sys.argv[1]]))
@@ -223,13 +238,19 @@ if __name__ == "__main__":
 class Command:
     """The script, started in a session of its own, as a terminal does."""
 
-    def __init__(self, folder: Path, root: Path, iterations: int, *arguments: str) -> None:
+    def __init__(
+        self, folder: Path, root: Path, iterations: int, *arguments: str, **environment: str
+    ) -> None:
         self._root, self._before = root, len(list(root.rglob("*.json")))
         (folder / "script.py").write_text(SCRIPT)
         self.process = subprocess.Popen(
             [sys.executable, "script.py", str(root), str(iterations), *arguments],
             cwd=folder,
-            env={**os.environ, "PYTHONPATH": str(Path(schedule.__file__).parents[2])},
+            env={
+                **os.environ,
+                "PYTHONPATH": str(Path(schedule.__file__).parents[2]),
+                **environment,
+            },
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,
@@ -279,7 +300,29 @@ def test_killed_again_and_again_the_same_command_leaves_the_same_files(tmp_path)
         command.process.communicate()
         command.assert_gone()
     assert kills
-    last = Command(tmp_path, root, iterations)
+    finish(tmp_path, root, iterations)
+    # nothing is left but the script, what it was asked for, and what it was imported into
+    left = {p.name for p in tmp_path.iterdir()} - {"__pycache__"}
+    assert left == {"script.py", "killed"}
+
+
+@needs_proc
+def test_killed_while_a_file_is_put_in_place_the_same_command_goes_on(tmp_path):
+    root, iterations = tmp_path / "killed", 400
+    # of the pool, of the targets, of a batch of runs, and of a result joined from batches
+    for number in (1, 2, 3, 4, 6, 5):
+        (tmp_path / "counted").unlink(missing_ok=True)
+        command = Command(tmp_path, root, iterations, KILL_AT=str(number))
+        command.process.communicate()
+        assert command.process.returncode == -signal.SIGKILL
+        command.assert_gone()
+        assert list(root.rglob("*.half"))
+    finish(tmp_path, root, iterations)
+
+
+def finish(folder: Path, root: Path, iterations: int) -> None:
+    """Give the same command once more: it ends with what undisturbed runs would have left."""
+    last = Command(folder, root, iterations)
     out, err = last.process.communicate()
     assert (last.process.returncode, out) == (0, f"tiny is complete under {root}\n"), err
     assert "Traceback" not in err
@@ -292,10 +335,8 @@ def test_killed_again_and_again_the_same_command_leaves_the_same_files(tmp_path)
         found, _ = store.read(root / "tiny" / label)
         for key in found.keys() - {"iterations"}:
             np.testing.assert_array_equal(found[key], np.concatenate([one[key] for one in each]))
-    # nothing is left but the script, what it was asked for, and what it was imported into
-    left = {p.name for p in tmp_path.iterdir()} - {"__pycache__"}
-    assert left == {"script.py", "killed"}
     assert not (root / "parts").exists()
+    assert not list(root.rglob("*.half"))
 
 
 COMMANDS = {

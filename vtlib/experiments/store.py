@@ -7,6 +7,7 @@ experiment also holds the configuration that it was computed under, and is refus
 
 from __future__ import annotations
 
+import glob
 import hashlib
 import io
 import json
@@ -94,8 +95,13 @@ def save(path: Path, arrays: Arrays, provenance: Note) -> None:
 
 
 def write_bytes(path: Path, data: bytes) -> None:
-    """Write a file at once: whoever reads it meanwhile has the old one or the new."""
-    handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+    """Write a file at once: whoever reads it meanwhile has the old one or the new.
+
+    What a killed process had half written of the same file is removed.
+    """
+    for half in path.parent.glob(f".{glob.escape(path.name)}.*.half"):
+        half.unlink(missing_ok=True)
+    handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=".half")
     try:
         with os.fdopen(handle, "wb") as file:
             file.write(data)
