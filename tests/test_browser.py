@@ -180,9 +180,9 @@ def test_each_slider_shows_the_picture_of_its_setting(
 
 
 MOMENTS = {
-    "rooms_exploration": ((0, 50, 100), 2000, 1),
+    "rooms_exploration": ((0, 50, 100), 2000, 2),
     "mountain_car": ((0, 200, 500), 5000, 2),
-    "mazes": ((0, 500, 1000), 4000, 1),
+    "mazes": ((0, 500, 1000), 4000, 2),
 }
 
 
@@ -226,6 +226,40 @@ def assert_shown(page, setting: list[str], panels: int) -> None:
     named = "v.filter(i => texts.every(t => i.alt.includes(t))).length === 1"
     test = f"([texts, panels]) => {{ const v = {VISIBLE}; return v.length === panels && {named} }}"
     page.wait_for_function(test, arg=[setting, panels])
+
+
+STEP = "Number(document.querySelector('.race input').value)"
+
+
+def test_the_race_plays_by_itself_pauses_and_is_scrubbed(book: Path, address: str, page) -> None:
+    for _ in open_everywhere(page, book, address, "book/index.html"):
+        counts, button = page.locator(".race .count"), page.locator(".race button")
+        button.scroll_into_view_if_needed()
+        page.wait_for_function(f"{STEP} > 20 && {STEP} < 5000")
+        button.click()
+        assert button.inner_text() == "Play"
+        held = page.evaluate(STEP)
+        page.wait_for_timeout(200)
+        assert page.evaluate(STEP) == held
+        page.locator(".race input").focus()
+        page.keyboard.press("Home")
+        assert counts.all_inner_texts() == ["goal reached 0 times"] * 2
+        page.keyboard.press("End")
+        told = page.locator(".race .squares").get_attribute("aria-label")
+        for text in counts.all_inner_texts():
+            assert text.removeprefix("goal reached ") in told
+
+
+def test_the_race_stands_still_at_its_end_for_those_who_want_no_motion(
+    book: Path, address: str, page
+) -> None:
+    page.emulate_media(reduced_motion="reduce")
+    page.goto(f"{address}/book/index.html", wait_until="load")
+    page.locator(".race button").scroll_into_view_if_needed()
+    page.wait_for_timeout(500)
+    assert page.evaluate(STEP) == 5000
+    page.locator(".race button").click()
+    page.wait_for_function(f"{STEP} > 0 && {STEP} < 5000")
 
 
 AXE = importlib.resources.files("axe_playwright_python") / "axe.min.js"

@@ -115,9 +115,10 @@ def learning_figure(
     optimum: float,
     limits: tuple[float, float],
     title: str = "",
+    width: float = 7.6,
 ) -> Figure:
     """Panels side by side, such as learning and greedy return, with one legend below."""
-    figure = BookFigure(figsize=(7.6, 3.5))
+    figure = BookFigure(figsize=(width, 3.5))
     axes = figure.subplots(1, len(panels), sharey=True, squeeze=False)[0]
     for ax, (name, curves) in zip(axes, panels.items(), strict=True):
         draw_curves(ax, curves, optimum)
@@ -149,10 +150,14 @@ def returns_figure(
     limits: tuple[float, float],
     kinds: Mapping[str, str] = KINDS,
     title: str = "",
+    width: float = 7.6,
 ) -> Figure:
-    """Returns {algorithm: stored ones} with the mean optimum dashed; limits of their axis."""
+    """Returns {algorithm: stored ones} with the mean optimum dashed; limits of their axis.
+
+    width: in inches.
+    """
     with look():
-        return learning_figure(panels(runs, kinds), mean_optimum(runs), limits, title)
+        return learning_figure(panels(runs, kinds), mean_optimum(runs), limits, title, width)
 
 
 def draw_over_published(

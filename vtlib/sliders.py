@@ -15,6 +15,7 @@ from vtlib.plots import image_html, look, power_of_ten, returns_figure, small_pn
 from vtlib.stats import Interval
 from vtlib.transfer import Settings
 
+LEARNING, NARROW = {"learning return": "learning"}, 5.6  # inches, to be read on a phone
 Setting = tuple[float, float, str]  # lambda, psi and the posterior, such as "3-MGVT"
 
 
@@ -97,15 +98,15 @@ def setting_picture(
     setting: Setting,
     limits: tuple[float, float],
 ) -> str:
-    """Returns with a setting of the sliders over those of references, as an HTML picture."""
+    """Learning returns with a setting over those of references, as an HTML picture."""
     (lambda_, psi, posterior), stored = setting, mine.stored
     runs = {label: first_runs(other, stored) for label, other in references.items()}
     end = float(stored.learning[:, -1].mean())
-    alt = f"Returns with lambda = {lambda_:.0e}, psi = {psi:g}, {posterior}; "
+    alt = f"Learning return with lambda = {lambda_:.0e}, psi = {psi:g}, {posterior}; "
     title = f"λ = {power_of_ten(lambda_)}, ψ = {psi:g}, {posterior}"
     with look():
-        figure = returns_figure({**runs, posterior: stored}, limits, title=title)
-        return image_html(small_png(figure), f"{alt}final learning return {end:.2f}.")
+        figure = returns_figure({**runs, posterior: stored}, limits, LEARNING, title, NARROW)
+        return image_html(small_png(figure, 24), f"{alt}final learning return {end:.2f}.")
 
 
 def first_runs(runs: Dataset, other: Dataset) -> Dataset:
