@@ -243,7 +243,9 @@ def small_png(figure: Figure, colours: int = 64) -> bytes:
     figure.set_dpi(STYLE["savefig.dpi"])
     canvas = FigureCanvasAgg(figure)
     canvas.draw()
-    picture = Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB").quantize(colours)
+    picture = (
+        Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB").quantize(colours, kmeans=1)
+    )
     out = io.BytesIO()
     picture.save(out, format="png", optimize=True)
     return out.getvalue()

@@ -9,6 +9,8 @@ from __future__ import annotations
 import io
 import json
 import re
+import textwrap
+import unicodedata
 from base64 import b64decode
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -24,6 +26,11 @@ from PIL import Image
 PAGE = "book/gallery"
 WIDTH = 480  # pixels, twice what a thumbnail takes on the page
 COLOURS = 64
+GREEK = {  # by their names in TeX
+    name.rsplit(" ", 1)[1].lower(): chr(code)
+    for code in range(0x3B1, 0x3CA)
+    if (name := unicodedata.name(chr(code))) and "FINAL" not in name
+} | {"lambda": "λ"}
 VIEW = "application/vnd.jupyter.widget-view+json"
 PICTURE = re.compile(r'<img alt="(.*?)".*?src="data:image/png;base64,(.*?)"', re.DOTALL)
 
@@ -59,10 +66,18 @@ def in_order(env: Any, docname: str) -> Iterator[str]:
 
 
 def caption_of(figure: nodes.figure) -> str:
-    """The first sentence of a figure's caption, without the thesis' number."""
-    words = " ".join(figure.next_node(nodes.caption).astext().split())
-    words = re.sub(r"^\(.*?\) ", "", words)
-    return re.split(r"(?<=[a-z)])\. ", words)[0].rstrip(".")
+    """The first sentence of a figure's caption as plain text, without the thesis' number."""
+    words = " ".join(plain(figure.next_node(nodes.caption).astext()).split())
+    sentence = re.split(r"(?<=[a-z)\d])[.;] ", re.sub(r"^\(.*?\) ", "", words))[0]
+    return textwrap.shorten(sentence.rstrip("."), 120, placeholder=" …")
+
+
+def plain(text: str) -> str:
+    """Text with its formulas in letters: Greek ones by their names, digits lowered."""
+    text = re.sub(r"\beq-(\d)-(\d+)", r"equation (\1.\2)", text)
+    text = re.sub(r"_\{?(\d)\}?", lambda found: chr(0x2080 + int(found[1])), text)
+    text = re.sub(r"\\([a-z]+)", lambda found: GREEK.get(found[1], ""), text)
+    return re.sub(r"\\.|[_^{}]", "", text)
 
 
 def first_picture(state: dict[str, Any], model: str) -> str:

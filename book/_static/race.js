@@ -25,7 +25,7 @@
       pen.clearRect(0, 0, this.canvas.width, this.canvas.height);
       this.drawRooms(pen);
       pen.fillStyle = pen.strokeStyle = this.run.colour;
-      pen.globalAlpha = 0.25;
+      pen.globalAlpha = 0.4;
       for (let step = 0; step < until; step++) {
         const [x, y] = this.at(step);
         pen.fillRect(x - 1, y - 1, 2, 2);
