@@ -125,3 +125,40 @@ def test_the_way_to_cite_is_that_of_the_citation_file():
     for key in ("title", "version"):
         value = re.search(rf'^{key}: "?(.*?)"?$', citation, re.MULTILINE)[1]
         assert f"{{{value}}}" in text_of("index"), key
+
+
+EXPERIMENT_PAGES = [
+    "rooms_evaluation",
+    "rooms_distribution_change",
+    "rooms_exploration",
+    "rooms_likelihood",
+    "rooms_number_of_sources",
+    "cartpole",
+    "mountain_car",
+    "mazes",
+]
+SHAPE = [
+    "The claims",
+    "Would fine-tuning do as well?",
+    "Move the parameters",
+    "What the sources cost",
+    "An exercise",
+    "Limits",
+    "How it was computed",
+]
+
+
+@pytest.mark.parametrize("page", EXPERIMENT_PAGES)
+def test_pages_of_experiments_have_one_shape_and_are_read_to_the_end(page: str):
+    prose = re.sub(r"^```\{code-cell\}.*?^```$", "", text_of(page), flags=re.DOTALL | re.MULTILINE)
+    headings = re.findall(r"^## (.*)$", prose, re.MULTILINE)
+    assert [x for x in headings if x in SHAPE] == SHAPE
+    assert re.search(r"^# .*\?$", prose, re.MULTILINE), "the title asks"
+    assert len(words(prose)) < 2_000
+    answer = re.search(r"```\{admonition\} The answer\n:class: tip\n(.*?)```", prose, re.DOTALL)[1]
+    assert len(words(answer)) <= 60
+
+
+def words(prose: str) -> list[str]:
+    """Words as a reader counts them: a number from code is one."""
+    return re.findall(r"\S*\w\S*", re.sub(r"\{[a-z:]+\}`[^`]*`", "x", prose))
