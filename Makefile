@@ -46,7 +46,7 @@ book: $(KERNELS)
 # The book is built beside the other tests: one thread each, or they wait for each other.
 test: export OMP_NUM_THREADS := 1
 test: $(KERNELS)
-	@echo "==> Testing: about 23 minutes on two cores (linter, library, book from scratch, browser)."
+	@echo "==> Testing: about 25 minutes on two cores (linter, library, book from scratch, browser)."
 	@$(MAKE) --no-print-directory lint
 	@$(BIN)/python -m pytest
 
