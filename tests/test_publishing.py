@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import importlib.metadata
 import json
 import os
 import re
 from pathlib import Path
 
 import pytest
+from packaging.requirements import Requirement
 
 yaml = pytest.importorskip("yaml")
 ROOT = Path(__file__).resolve().parents[1]
@@ -65,3 +67,21 @@ def test_the_book_runs_elsewhere_with_the_locked_versions():
     target = json.loads((ROOT / ".devcontainer" / "devcontainer.json").read_text())
     made = target["postCreateCommand"].removeprefix("make ")
     assert f"KERNELS := {made}" in (ROOT / "Makefile").read_text()
+
+
+def test_the_lock_names_every_extra_that_an_installed_package_asks_for():
+    # Without it pip 23 looks for the newest `coverage[toml]`, which a release then has no digest for.
+    locked = {
+        one.name: one.extras
+        for line in (ROOT / "requirements.txt").read_text().splitlines()
+        if "==" in line and not line.startswith((" ", "#"))
+        for one in [Requirement(line.removesuffix(" \\"))]
+    }
+    asked = [
+        one
+        for installed in importlib.metadata.distributions()
+        for one in map(Requirement, installed.requires or ())
+        if one.extras and (one.marker is None or one.marker.evaluate({"extra": ""}))
+    ]
+    assert asked
+    assert not [str(one) for one in asked if not one.extras <= locked.get(one.name, set())]
