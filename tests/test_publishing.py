@@ -70,7 +70,7 @@ def test_the_book_runs_elsewhere_with_the_locked_versions():
 
 
 def test_the_lock_names_every_extra_that_an_installed_package_asks_for():
-    # Without it pip 23 looks for the newest `coverage[toml]`, which a release then has no digest for.
+    # Else pip 23 takes the newest `coverage[toml]`, of which the lock has no digest.
     locked = {
         one.name: one.extras
         for line in (ROOT / "requirements.txt").read_text().splitlines()

@@ -21,6 +21,7 @@ from vtlib.experiments.rooms import ROOMS_EVALUATION, ROOMS_LIKELIHOOD
 from vtlib.experiments.store import weights
 from vtlib.native.build import PAGE, compile_page
 from vtlib.native.runs import LANES, MOST_COMPONENTS, MOST_SOURCES, NO_CLIP
+from vtlib.panels import static
 from vtlib.stats import same_distribution_p
 
 HERE = Path(__file__).resolve().parent
@@ -107,7 +108,7 @@ def test_the_page_is_told_of_algorithms_what_the_kernel_is() -> None:
 
 
 def test_the_kernel_has_room_for_all_that_the_controls_offer() -> None:
-    ranges = (trainer.STATIC / "trainer.js").read_text(encoding="utf-8")
+    ranges = static("trainer.js")
     most = {key: int(x) for key, x in re.findall(r"^    (\w+): \[1, (\d+), 1", ranges, re.M)}
     assert most == {"components": MOST_COMPONENTS, "sources": MOST_SOURCES}
     for settings in trainer.ALGORITHMS.values():

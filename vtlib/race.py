@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import json
 from base64 import b64encode
 from collections.abc import Sequence
-from pathlib import Path
-from string import Template
 from typing import Any
 
 import numpy as np
@@ -17,9 +14,9 @@ from vtlib.envs.rooms.tasks import DOOR_WIDTH, GOAL_RADIUS, SIDE, Rooms
 from vtlib.experiments.experiment import Experiment
 from vtlib.experiments.run import run_batch, targets
 from vtlib.experiments.store import weights
+from vtlib.panels import panel
 from vtlib.plots import COLOURS
 
-STATIC = Path(__file__).resolve().parents[1] / "book" / "_static"
 STEPS = 255  # places are told in so many steps along each side of the square
 
 
@@ -51,10 +48,9 @@ def race(experiment: Experiment, shown: dict[str, str], iterations: int, run: in
         "runs": runs,
     }
     told = zip(shown.values(), runs, strict=True)
-    return Template(_read("race.html")).substitute(
-        style=_read("race.css"),
-        script=_read("race.js"),
-        setup=json.dumps(setup, separators=(",", ":")).replace("<", "\\u003c"),
+    return panel(
+        "race",
+        setup,
         iterations=iterations,
         shown=f"{iterations:,}",
         squares="".join(
@@ -73,7 +69,3 @@ def _told(label: str, path: np.ndarray) -> dict[str, Any]:
         "places": b64encode(places.tobytes()).decode(),
         "reached": (np.flatnonzero(visits.at_goal(path)) + 1).tolist(),
     }
-
-
-def _read(name: str) -> str:
-    return (STATIC / name).read_text(encoding="utf-8")

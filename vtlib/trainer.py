@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import json
 from base64 import b64encode
 from collections.abc import Mapping, Sequence
-from pathlib import Path
-from string import Template
 from typing import Any
 
 import numpy as np
@@ -19,11 +16,11 @@ from vtlib.experiments.rooms import NT, NT_GREEDY, PUBLISHED_GVT, PUBLISHED_MGVT
 from vtlib.experiments.store import weights
 from vtlib.native.build import PAGE
 from vtlib.native.runs import INTEGERS, NUMBERS, kernel_settings
+from vtlib.panels import panel, static
 from vtlib.plots import COLOURS, PUBLISHED
 from vtlib.priors import SPAN_JITTER
 from vtlib.transfer import Settings
 
-STATIC = Path(__file__).resolve().parents[1] / "book" / "_static"
 # As published, where the thesis' figures begin; fine-tuning hardly explores.
 ALGORITHMS: dict[str, Settings | MellowTDSettings] = {
     "MGVT": PUBLISHED_MGVT,
@@ -85,15 +82,10 @@ def train_here(
         "every": iterations // 200,
         "wasm": b64encode(code).decode(),
         "pool": b64encode(pool.tobytes()).decode(),
-        "worker": _read("trainer_worker.js"),
+        "worker": static("trainer_worker.js"),
     }
-    return Template(_read("trainer.html")).substitute(
-        style=_read("trainer.css"),
-        script=_read("trainer.js"),
-        setup=json.dumps(setup, separators=(",", ":")).replace("<", "\\u003c"),  # as HTML wants it
-        code=round(len(code) / 1e3),
-        data=round(pool.nbytes / 1e3),
-    )
+    sizes = {"code": round(len(code) / 1e3), "data": round(pool.nbytes / 1e3)}
+    return panel("trainer", setup, **sizes)
 
 
 def _told(name: str, s: Settings | MellowTDSettings) -> dict[str, Any]:
@@ -103,7 +95,3 @@ def _told(name: str, s: Settings | MellowTDSettings) -> dict[str, Any]:
         variance = SPAN_JITTER if s.init == "span" else 1 / told["scale"]
         told.update(init=s.init, variance=variance, ddof=s.ddof)
     return told
-
-
-def _read(name: str) -> str:
-    return (STATIC / name).read_text(encoding="utf-8")

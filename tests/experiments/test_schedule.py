@@ -6,13 +6,9 @@ import os
 import re
 import shutil
 import signal
-import subprocess
-import sys
-import tempfile
 import threading
 import time
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -20,9 +16,7 @@ from attrs import evolve
 from distributed import Client
 
 from vtlib.experiments import schedule, store
-from vtlib.experiments.cartpole import CARTPOLE
 from vtlib.experiments.rooms import ROOMS_EVALUATION
-from vtlib.experiments.run import run_batch
 from vtlib.experiments.schedule import compute, done, join_finished, keep, units_of
 from vtlib.training import Diverged
 
@@ -190,189 +184,3 @@ def test_a_worker_that_dies_loses_nothing(tiny, computed, there, tmp_path):
     killer.join()
     assert left
     assert_same(tiny, computed, tmp_path)
-
-
-# A command of its own, which can be killed: one that computes with two processes of its own.
-SCRIPT = """
-import os
-import signal
-import sys
-from vtlib.interrupts import end_at_once
-
-if __name__ == "__main__":
-    end_at_once()
-
-from pathlib import Path
-from attrs import evolve
-from vtlib.cli import main
-from vtlib.experiments import EXPERIMENTS, schedule
-from vtlib.experiments.cartpole import CARTPOLE
-
-CARTS = CARTPOLE.published
-few = evolve(CARTS.pool, name="few", count=10, iterations=200, limit=200)
-some = {label: CARTS.algorithms[label] for label in ("GVT", "DDQN")}
-size = {"pool": few, "runs": 3, "iterations": int(sys.argv[2])}
-TINY = evolve(CARTS, name="tiny", algorithms=some, **size)
-EXPERIMENTS.clear()
-EXPERIMENTS["tiny"] = TINY
-schedule.BATCH = 1
-
-
-def replace(*names, real=os.replace):
-    "Everything is killed before the file of that number is put in its place."
-    with open("counted", "ab") as counted:
-        counted.write(b".")
-    if os.path.getsize("counted") == int(os.environ["KILL_AT"]):
-        os.killpg(0, signal.SIGKILL)
-    real(*names)
-
-
-if "KILL_AT" in os.environ:
-    os.replace = replace
-if __name__ == "__main__":
-    command, *rest = sys.argv[3:] or ["run", "tiny", "--jobs", "2"]
-    sys.exit(main([command, *rest, "--results", sys.argv[1]]))
-"""
-
-
-class Command:
-    """The script, started in a session of its own, as a terminal does."""
-
-    def __init__(
-        self, folder: Path, root: Path, iterations: int, *arguments: str, **environment: str
-    ) -> None:
-        self._root, self._before = root, len(list(root.rglob("*.json")))
-        (folder / "script.py").write_text(SCRIPT)
-        self.process = subprocess.Popen(
-            [sys.executable, "script.py", str(root), str(iterations), *arguments],
-            cwd=folder,
-            env={
-                **os.environ,
-                "PYTHONPATH": str(Path(schedule.__file__).parents[2]),
-                **environment,
-            },
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-            start_new_session=True,
-        )
-
-    def wait_for_a_unit(self) -> None:
-        while self.process.poll() is None:
-            if len(list(self._root.rglob("*.json"))) > max(1, self._before):  # the pool is one
-                break
-            time.sleep(0.01)
-
-    def group(self) -> list[int]:
-        """Every process of the session that is running."""
-        found = []
-        for stat in Path("/proc").glob("[0-9]*/stat"):
-            try:
-                state, _, _, session = stat.read_text().rsplit(")", 1)[1].split()[:4]
-            except OSError:
-                continue
-            if int(session) == self.process.pid and state != "Z":
-                found.append(int(stat.parent.name))
-        return found
-
-    def assert_gone(self) -> None:
-        end = time.monotonic() + 30
-        while self.group() and time.monotonic() < end:
-            time.sleep(0.05)
-        assert not self.group()
-
-
-needs_proc = pytest.mark.skipif(
-    not Path("/proc/self/stat").exists(), reason="/proc alone tells the processes of a session"
-)
-
-
-@needs_proc
-def test_killed_again_and_again_the_same_command_leaves_the_same_files(tmp_path):
-    root, kills, iterations = tmp_path / "killed", 0, 2_000
-    # after each unit that is done, at a random moment of the next or the one after
-    for wait in np.random.default_rng(0).uniform(0, 0.5, 2):
-        command = Command(tmp_path, root, iterations)
-        command.wait_for_a_unit()
-        time.sleep(wait)
-        kills += command.process.poll() is None
-        command.process.kill()
-        command.process.communicate()
-        command.assert_gone()
-    assert kills
-    finish(tmp_path, root, iterations)
-    # nothing is left but the script, what it was asked for, and what it was imported into
-    left = {p.name for p in tmp_path.iterdir()} - {"__pycache__"}
-    assert left == {"script.py", "killed"}
-
-
-@needs_proc
-def test_killed_while_a_file_is_put_in_place_the_same_command_goes_on(tmp_path):
-    root, iterations = tmp_path / "killed", 400
-    # of the pool, of the targets, of a batch of runs, and of a result joined from batches
-    for number in (1, 2, 3, 4, 6, 5):
-        (tmp_path / "counted").unlink(missing_ok=True)
-        command = Command(tmp_path, root, iterations, KILL_AT=str(number))
-        command.process.communicate()
-        assert command.process.returncode == -signal.SIGKILL
-        command.assert_gone()
-        assert list(root.rglob("*.half"))
-    finish(tmp_path, root, iterations)
-
-
-def finish(folder: Path, root: Path, iterations: int) -> None:
-    """Give the same command once more: it ends with what undisturbed runs would have left."""
-    last = Command(folder, root, iterations)
-    out, err = last.process.communicate()
-    assert (last.process.returncode, out) == (0, f"tiny is complete under {root}\n"), err
-    assert "Traceback" not in err
-    carts = CARTPOLE.published
-    few = evolve(carts.pool, name="few", count=10, iterations=200, limit=200)
-    undisturbed = evolve(carts, name="tiny", pool=few, runs=3, iterations=iterations)
-    weights = store.weights(few, root)
-    for label in ("GVT", "DDQN"):
-        each = [run_batch(undisturbed, label, [one], weights) for one in range(3)]
-        found, _ = store.read(root / "tiny" / label)
-        for key in found.keys() - {"iterations"}:
-            np.testing.assert_array_equal(found[key], np.concatenate([one[key] for one in each]))
-    assert not (root / "parts").exists()
-    assert not list(root.rglob("*.half"))
-
-
-COMMANDS = {
-    "run": ("run", "tiny", "--jobs", "2"),
-    "reproduce": ("reproduce", "--only", "tiny", "--jobs", "2", "--fresh", "fresh"),
-    "verify": ("verify", "tiny", "--whole"),
-}
-
-DONE = {"run": "is complete", "reproduce": "none differs", "verify": "verified whole"}
-
-
-@needs_proc
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-@pytest.mark.parametrize("command", COMMANDS)
-def test_an_interrupt_at_any_moment_ends_in_one_line_and_with_all_processes(
-    tmp_path, command, number
-):
-    iterations, root = 3_000, tmp_path / "results"
-    # while it imports, starts workers, computes and stores; a second or two to each
-    moments = np.random.default_rng([number, *command.encode()]).uniform(0.6, 9, 2)
-    if command != "run":  # something has to be stored
-        Command(tmp_path, root, iterations).process.communicate()
-    for wait in moments:
-        it = Command(tmp_path, root, iterations, *COMMANDS[command])
-        time.sleep(wait)
-        if it.process.poll() is not None:
-            continue
-        os.killpg(it.process.pid, number)
-        out, err = it.process.communicate(timeout=10)
-        it.assert_gone()
-        assert it.process.returncode == 128 + number, err
-        *bar, line = err.strip().splitlines()
-        assert line == "vtlib: interrupted; the same command goes on from here"
-        assert all("left" in shown for shown in bar if shown), err
-        assert not list(Path(tempfile.gettempdir()).glob(f"vtlib-{it.process.pid}-*"))
-    last = Command(tmp_path, root, iterations, *COMMANDS[command])
-    out, err = last.process.communicate()
-    assert last.process.returncode == 0, err
-    assert DONE[command] in out.splitlines()[-1]
