@@ -11,7 +11,7 @@ from attrs import field, frozen
 from torch import Tensor
 
 from vtlib.checks import between, check_kind, check_weights, kind, one_of, positive, whole
-from vtlib.qfunctions import QFunction
+from vtlib.qfunctions import QFunction, greedy
 from vtlib.replay import ReplayBuffer, Transition
 from vtlib.rng import Rng
 from vtlib.td import td_gradients
@@ -112,10 +112,9 @@ class EpsilonGreedyLearner(ABC):
         s = self._settings
         progress = min(1.0, self._steps / s.epsilon_steps)
         epsilon = s.epsilon_start + progress * (s.epsilon_end - s.epsilon_start)
-        greedy = self._q.q(self.mu, self._q.prepare(obs.unsqueeze(1)))[:, 0, :, 0].argmax(-1)
         explore, choice = self._exploration.uniform(2).unbind(-1)
         random = (choice * self._q.n_actions).long().clamp_(max=self._q.n_actions - 1)
-        return torch.where(explore < epsilon, random, greedy)
+        return torch.where(explore < epsilon, random, greedy(self._q, self.mu, obs))
 
     def learn(self, transition: Transition) -> None:
         """Store one transition of each run and take one gradient step."""

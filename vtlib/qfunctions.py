@@ -41,12 +41,18 @@ class QFunction(Protocol):
         """Values, and the map from a cotangent (R, K, A, B) to a gradient (R, K, d)."""
 
 
+def greedy(q: QFunction, w: Tensor, obs: Tensor) -> Tensor:
+    """Best actions (R,) by weights (R, 1, d) at one observation (R, obs_dim) of each run."""
+    return q.q(w, q.prepare(obs.unsqueeze(1)))[:, 0, :, 0].argmax(-1)
+
+
 class RBFLinear:
     """Linear in Gaussian radial bases on a square grid, normalised to sum to one, no bias.
 
     centers: (m,) coordinates of the grid on either axis of a two-dimensional observation;
     variance of each basis in squared units of the observation. d = n_actions * m * m weights,
-    one block of m * m per action. The rooms use m = 11 integer centres and variance 1/9.
+    one block of m * m per action, which ``last`` (A, m * m) lists. The rooms use m = 11 integer
+    centres and variance 1/9.
     """
 
     def __init__(self, centers: Tensor, variance: float, n_actions: int) -> None:
@@ -54,6 +60,7 @@ class RBFLinear:
         check_whole("n_actions", n_actions)
         self.n_actions = self.width = n_actions
         self.d = n_actions * len(centers) ** 2
+        self.last = torch.arange(self.d).view(n_actions, -1)
         self._centers = centers
         self._rate = 0.5 / variance
 
@@ -75,6 +82,10 @@ class RBFLinear:
         rows = w.reshape(runs, k * self.n_actions, -1)
         return torch.bmm(rows, x).view(runs, k, self.n_actions, -1)
 
+    def features(self, w: Tensor, x: Tensor) -> Tensor:
+        """What an action's ``last`` weights multiply: the features (R, m * m, B) themselves."""
+        return x
+
     def vjp(self, w: Tensor, x: Tensor) -> tuple[Tensor, Callable[[Tensor], Tensor]]:
         """Values, and the map from a cotangent (R, K, A, B) to a gradient (R, K, d)."""
 
@@ -88,6 +99,7 @@ class MLP:
     """Multilayer perceptron with ReLU units; sizes lists the layers, e.g. (4, 32, 2).
 
     The flat weight vector holds, layer by layer, the matrix (out, in) and then the bias (out).
+    ``last`` (A, m) says which weights of the last layer are an action's, its bias the last of them.
     """
 
     def __init__(self, sizes: Sequence[int]) -> None:
@@ -99,6 +111,9 @@ class MLP:
         self._layers = list(pairwise(sizes))
         self.n_actions, self.width = sizes[-1], max(sizes)
         self.d = sum(out * (into + 1) for into, out in self._layers)
+        into, out = self._layers[-1]
+        matrix, bias = torch.arange(self.d - out * (into + 1), self.d).split([out * into, out])
+        self.last = torch.cat([matrix.view(out, into), bias.unsqueeze(1)], 1)
 
     def prepare(self, obs: Tensor) -> Tensor:
         """Observations (R, B, obs_dim) as columns (R, obs_dim + 1, B) that end in a one."""
@@ -110,6 +125,14 @@ class MLP:
         """Values (R, K, A, B) of weights (R, K, d) at prepared observations."""
         values: Tensor = self._forward(w, x)[1][-1].unflatten(0, w.shape[:2])
         return values
+
+    def features(self, w: Tensor, x: Tensor) -> Tensor:
+        """What the ``last`` weights of an action multiply, (R, m, B), of weights w (R, 1, d).
+
+        Those are the outputs of the last hidden layer, and a one.
+        """
+        into = self._forward(w, x)[1][-2]
+        return torch.cat([into, torch.ones_like(into[:, :1])], 1)
 
     def vjp(self, w: Tensor, x: Tensor) -> tuple[Tensor, Callable[[Tensor], Tensor]]:
         """Values, and the map from a cotangent (R, K, A, B) to a gradient (R, K, d)."""

@@ -26,7 +26,7 @@ from vtlib.checks import (
 )
 from vtlib.posteriors import COVARIANCES, Descent
 from vtlib.priors import PRIOR_JITTER, GaussianPrior, MixturePrior
-from vtlib.qfunctions import QFunction
+from vtlib.qfunctions import QFunction, greedy
 from vtlib.replay import ReplayBuffer, Transition
 from vtlib.rng import Rng
 from vtlib.td import td_gradients
@@ -165,8 +165,7 @@ class VariationalTransfer:
             self._acting = draw
         else:
             self._acting = torch.where(fresh.view(-1, 1, 1).to(self._device), draw, self._acting)
-        values = self._q.q(self._acting, self._q.prepare(obs.unsqueeze(1).to(self._device)))
-        return values[:, 0, :, 0].argmax(-1).cpu()
+        return greedy(self._q, self._acting, obs.to(self._device)).cpu()
 
     def learn(self, transition: Transition) -> None:
         """Store one transition of each run and take one gradient step on eq. 5.2."""
