@@ -1,6 +1,6 @@
 """The book's experiments: a frozen configuration per figure; what runs, stores, verifies."""
 
-from vtlib.experiments import cartpole, maze, mountain_car, rooms
+from vtlib.experiments import cartpole, compared, maze, mountain_car, rooms
 from vtlib.experiments.experiment import Experiment
 from vtlib.experiments.heads import live_check
 from vtlib.experiments.store import load, returns
@@ -8,8 +8,8 @@ from vtlib.experiments.store import load, returns
 __all__ = ["EXPERIMENTS", "POOLS", "THESIS", "live_check", "load", "named", "returns"]
 
 # For the command line: an experiment of one's own runs, stores and verifies without it.
-PAGES = (rooms.EXPERIMENTS, cartpole.EXPERIMENTS, mountain_car.EXPERIMENTS, maze.EXPERIMENTS)
-EXPERIMENTS: dict[str, Experiment] = {e.name: e for page in PAGES for e in page}
+PAGES = (rooms, cartpole, mountain_car, maze, compared)
+EXPERIMENTS: dict[str, Experiment] = {e.name: e for page in PAGES for e in page.EXPERIMENTS}
 # The figures of the thesis, in both protocols; the others ask why.
 FIGURES = (
     rooms.ROOMS_EVALUATION,
