@@ -9,13 +9,16 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.stats import t as student
 
 from vtlib.stats import (
     bootstrap_interval,
     difference_interval,
+    holm,
     improvement_interval,
     interquartile_mean,
     mean_interval,
+    paired_p,
     ratio_interval,
     same_distribution_p,
     slope_interval,
@@ -232,3 +235,24 @@ def test_equal_values_count_as_one_step(draws):
         # fewer draws than exchanges are random ones; more are not needed
         error = 4 * 0.5 / np.sqrt(draws) + 1 / draws if draws < 16 else 1e-12
         assert same_distribution_p(*pairs.T, rng, draws) == pytest.approx(exact, abs=error)
+
+
+def test_holms_p_values_are_those_of_its_steps():
+    p = np.array([0.01, 0.04, 0.03, 0.005])
+    # 4 * .005, 3 * .01, 2 * .03, and .04, which must not be less than the one before
+    np.testing.assert_allclose(holm(p), [0.03, 0.06, 0.06, 0.02])
+    np.testing.assert_allclose(holm(np.array([0.9, 0.6])), [1.0, 1.0])
+
+
+def test_with_holm_a_false_finding_among_many_is_as_rare_as_its_level():
+    rng = np.random.default_rng(0)
+    false = [(holm(rng.random(20)) < 0.05).any() for _ in range(2000)]
+    # by independence 1 - (1 - .05 / 20)^20 = .0488, within three standard errors
+    assert abs(np.mean(false) - 0.0488) < 3 * (0.0488 / 2000) ** 0.5
+
+
+def test_paired_runs_are_tested_by_their_differences():
+    rng = np.random.default_rng(1)
+    base, shift = rng.normal(0, 100, 30), rng.normal(0.5, 1, 30)
+    t = shift.mean() / (shift.std(ddof=1) / 30**0.5)
+    assert paired_p(base + shift, base) == pytest.approx(2 * student.sf(abs(t), 29), rel=1e-6)

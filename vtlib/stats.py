@@ -75,6 +75,24 @@ def _student(centre: ndarray | float, error: ndarray | float, freedom: int) -> I
     return Interval(centre, centre - half, centre + half)
 
 
+def holm(p: ndarray) -> ndarray:
+    """P values (n,) adjusted for being n tests, so that any false finding has their level.
+
+    Source: Holm (1979).
+    """
+    order = np.argsort(p)
+    stepped = np.maximum.accumulate(p[order] * np.arange(len(p), 0, -1)).clip(max=1)
+    adjusted = np.empty(len(p))
+    adjusted[order] = stepped
+    return adjusted
+
+
+def paired_p(a: ndarray, b: ndarray) -> float:
+    """P value of the hypothesis that paired runs a and b (R,) have one mean, by Student's t."""
+    a, b = _checked(a, b)
+    return float(stats.ttest_rel(a, b).pvalue)
+
+
 def interquartile_mean(values: ndarray) -> ndarray:
     """Mean of the middle half of the runs (axis 0); runs at its edges count in part.
 

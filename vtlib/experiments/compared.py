@@ -11,13 +11,13 @@ import itertools
 from collections.abc import Callable, Mapping
 from typing import Any, cast
 
+import numpy as np
 from attrs import evolve, frozen
 
 from vtlib.baselines import DDQNSettings, FineTuning, MellowTDSettings
-from vtlib.experiments.cartpole import CARTPOLE
 from vtlib.experiments.experiment import Algorithm, Experiment
-from vtlib.experiments.mountain_car import CAR
 from vtlib.experiments.rooms import ROOMS_CHANGE, ROOMS_EVALUATION
+from vtlib.experiments.store import returns
 from vtlib.neighbours import (
     HeadsSettings,
     HierarchicalSettings,
@@ -76,14 +76,24 @@ SPACES: dict[str, dict[str, tuple[Any, ...]]] = {
 class Compared:
     """An environment in which algorithms are compared over so many iterations of an experiment.
 
+    floor: the return of an agent that never does what the task asks, which counts as nothing.
     chosen: the number of each algorithm's best candidate, in the order of `SPACES`. diverged:
     candidates that were tried and whose weights did not stay finite; they are out.
     """
 
+    title: str
     experiment: Experiment
     iterations: int
     chosen: tuple[int, ...]
+    floor: float = 0.0
     diverged: tuple[str, ...] = ()
+
+    def earned(self, experiment: Experiment, label: str) -> np.ndarray:
+        """Stored learning returns (R,), averaged over all iterations, as shares of the optimum."""
+        stored = returns(experiment, label)
+        optimum = float(stored.optimum.mean())
+        mean = stored.learning.mean("iteration").values
+        return np.asarray((mean - self.floor) / (optimum - self.floor))
 
     def default(self, label: str) -> Algorithm:
         """An algorithm before it is tuned: as the thesis sets it, or as its own source does."""
@@ -171,8 +181,18 @@ def changed(default: Algorithm, values: dict[str, Any]) -> Algorithm:
 
 # The numbers of the best are what the stored runs of `tuning` say, and a test holds them to it.
 ENVIRONMENTS = (
-    Compared(ROOMS_EVALUATION.published, 3_000, (0, 0, 6, 1, 2, 4, 0, 5, 4, 6, 3, 7)),
-    Compared(ROOMS_CHANGE.published, 3_000, (5, 1, 3, 6, 3, 4, 0, 5, 4, 6, 3, 0)),
+    Compared(
+        "three rooms",
+        ROOMS_EVALUATION.published,
+        iterations=3_000,
+        chosen=(0, 0, 6, 1, 2, 4, 0, 5, 4, 6, 3, 7),
+    ),
+    Compared(
+        "rooms, other doors",
+        ROOMS_CHANGE.published,
+        iterations=3_000,
+        chosen=(5, 1, 3, 6, 3, 4, 0, 5, 4, 6, 3, 0),
+    ),
 )
 EXPERIMENTS = (
     *(one.tuning() for one in ENVIRONMENTS),
