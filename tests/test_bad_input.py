@@ -19,6 +19,13 @@ from hypothesis import strategies as st
 
 from vtlib.baselines import DDQNSettings, LearnerSettings, MellowTDSettings
 from vtlib.checks import LARGEST, shown
+from vtlib.neighbours import (
+    HeadsSettings,
+    HierarchicalSettings,
+    IVONSettings,
+    LangevinSettings,
+    RegressionSettings,
+)
 from vtlib.qfunctions import MLP, ModuleQ, RBFLinear
 from vtlib.replay import ReplayBuffer, Transition
 from vtlib.rng import Rng
@@ -30,6 +37,7 @@ Q = MLP((2, 3, 2))
 NO_NUMBER = [None, "3", True, math.nan, math.inf, -math.inf, 1e300, torch.ones(1), [1]]
 COUNT = [*NO_NUMBER, 0, -1, 1.0, 2.5, LARGEST + 1]
 POSITIVE = [*NO_NUMBER, 0, 0.0, -1e-6, 1e-38]
+NEGATIVE = [*NO_NUMBER, -1e-6]
 SHARE = [*NO_NUMBER, -0.1, 1.1]
 WORD = [None, 3, "", "exact ", "student", ["full"]]
 LEARNER = {
@@ -41,11 +49,17 @@ LEARNER = {
     "buffer": COUNT,
     "alpha": POSITIVE,
 }
+TD = {
+    **dict.fromkeys(("minibatch", "buffer"), COUNT),
+    "psi": SHARE,
+    "kappa": POSITIVE,
+    "gamma": [*SHARE, 1],
+}
 TRANSFER = {
     **dict.fromkeys(("components", "minibatch", "buffer", "n_samples"), COUNT),
     **dict.fromkeys(("kappa", "alpha_mu", "alpha_L", "sigma_p2", "sigma_min", "jitter"), POSITIVE),
     **dict.fromkeys(("family", "init", "act", "covariance", "kl", "responsibilities"), WORD),
-    "lambda_": [*NO_NUMBER, -1e-6],
+    "lambda_": NEGATIVE,
     "psi": SHARE,
     "gamma": [*SHARE, 1],
     "patience": [*COUNT[: len(NO_NUMBER)], -1, 0.0],
@@ -58,6 +72,39 @@ CONFIGURATIONS: list[tuple[Any, dict[str, list[Any]]]] = [
     (LearnerSettings(100), LEARNER),
     (MellowTDSettings(100), {**LEARNER, "psi": SHARE, "kappa": POSITIVE}),
     (DDQNSettings(100), {**LEARNER, "target_every": COUNT}),
+    (HeadsSettings(), {**TD, "heads": COUNT, "prior_scale": NEGATIVE, "alpha": POSITIVE}),
+    (
+        LangevinSettings(),
+        {
+            **TD,
+            "lambda_": NEGATIVE,
+            "bias": NEGATIVE,
+            **dict.fromkeys(("alpha", "jitter", "sigma_p2"), POSITIVE),
+            "prior": WORD,
+        },
+    ),
+    (
+        IVONSettings(),
+        {
+            **TD,
+            **dict.fromkeys(("lambda_", "alpha", "h0", "clip", "jitter"), POSITIVE),
+            **dict.fromkeys(("beta1", "beta2"), [*SHARE, 1]),
+            "n_samples": COUNT,
+        },
+    ),
+    (
+        RegressionSettings(),
+        {
+            **TD,
+            **dict.fromkeys(("noise", "jitter"), POSITIVE),
+            **dict.fromkeys(("every", "recent"), COUNT),
+            "alpha": SHARE,
+        },
+    ),
+    (
+        HierarchicalSettings(family="gaussian"),
+        {**TRANSFER, "covariance": [*WORD, "full", "diagonal"]},
+    ),
 ]
 
 

@@ -78,3 +78,15 @@ def test_a_sample_does_not_change_with_the_buffer():
 def test_an_empty_buffer_cannot_be_sampled():
     with pytest.raises(ValueError, match="empty replay buffer"):
         ReplayBuffer(RUNS, 4, 2).sample(torch.zeros(RUNS, 1))
+
+
+@pytest.mark.parametrize(("added", "asked"), [(3, 5), (5, 5), (7, 4), (23, 8)])
+def test_the_last_are_the_last_in_whatever_order(added, asked):
+    buffer = ReplayBuffer(2, 8, 1)
+    for t in range(added):
+        mark = torch.full((2, 1), float(t))
+        buffer.add(Transition(mark, mark[:, 0].long(), mark[:, 0], mark, mark[:, 0] < 0))
+    last = buffer.last(asked)
+    wanted = list(range(max(0, added - asked), added))
+    assert [sorted(row) for row in last.action.tolist()] == [wanted, wanted]
+    torch.testing.assert_close(last.obs[..., 0], last.reward)
