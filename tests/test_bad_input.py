@@ -88,7 +88,8 @@ CONFIGURATIONS: list[tuple[Any, dict[str, list[Any]]]] = [
         {
             **TD,
             **dict.fromkeys(("lambda_", "alpha", "h0", "clip", "jitter"), POSITIVE),
-            **dict.fromkeys(("beta1", "beta2"), [*SHARE, 1]),
+            "beta1": [*SHARE, 1],
+            "beta2": [*SHARE, 1],
             "n_samples": COUNT,
         },
     ),
@@ -103,7 +104,7 @@ CONFIGURATIONS: list[tuple[Any, dict[str, list[Any]]]] = [
     ),
     (
         HierarchicalSettings(family="gaussian"),
-        {**TRANSFER, "covariance": [*WORD, "full", "diagonal"]},
+        TRANSFER,
     ),
 ]
 

@@ -174,6 +174,30 @@ COMMANDS = {
 DONE = {"run": "is complete", "reproduce": "none differs", "verify": "verified whole"}
 
 
+RECORDED = {**COMMANDS, "verify": (*COMMANDS["verify"], "--record")}
+
+
+@needs_proc
+@pytest.mark.parametrize(("command", "moments"), [("reproduce", (1, 5)), ("verify", (1,))])
+def test_killed_while_it_checks_the_same_command_comes_to_the_same_end(tmp_path, command, moments):
+    iterations, root = 400, tmp_path / "results"
+    Command(tmp_path, root, iterations).process.communicate()
+    before = {path: path.read_bytes() for path in root.rglob("*.*")}
+    for number in moments:
+        (tmp_path / "counted").unlink(missing_ok=True)
+        killed = Command(tmp_path, root, iterations, *RECORDED[command], KILL_AT=str(number))
+        killed.process.communicate()
+        assert killed.process.returncode == -signal.SIGKILL
+        killed.assert_gone()
+    last = Command(tmp_path, root, iterations, *RECORDED[command])
+    out, err = last.process.communicate()
+    assert last.process.returncode == 0, err
+    assert DONE[command] in out
+    # what is checked is never touched
+    assert {path: path.read_bytes() for path in before} == before
+    assert not list(tmp_path.rglob("*.half"))
+
+
 @needs_proc
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 @pytest.mark.parametrize("command", COMMANDS)

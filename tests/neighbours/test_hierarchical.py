@@ -9,6 +9,9 @@ import torch
 
 from vtlib.neighbours import HierarchicalSettings
 from vtlib.neighbours.hierarchical import KAPPA0, PredictivePrior, evidence_psi, scatter_of
+from vtlib.posteriors import COVARIANCES, Descent
+from vtlib.qfunctions import MLP
+from vtlib.rng import Rng, Stream
 from vtlib.transfer import VariationalTransfer
 
 D, COUNT = 4, 3
@@ -80,10 +83,29 @@ def test_the_prior_has_the_moments_of_the_predictive_law():
 
 
 def test_variational_transfer_runs_from_it():
-    from vtlib.qfunctions import MLP
-    from vtlib.rng import Rng
-
     q = MLP((1, 2))
     agent = HierarchicalSettings(family="gaussian").agent(q, SOURCES, 1, Rng("t", [0]))
     assert isinstance(agent, VariationalTransfer)
     torch.testing.assert_close(agent.mu, PredictivePrior(SOURCES).mu)
+
+
+@pytest.mark.parametrize("divergence", ["full", "diagonal"])
+def test_the_kernel_gives_each_run_its_own_scale(divergence):
+    runs, d = 3, 7
+    sources = torch.randn(runs, 4, d, generator=torch.Generator().manual_seed(2))
+    sources *= torch.tensor([0.1, 1.0, 5.0]).view(-1, 1, 1)
+    prior = PredictivePrior(sources)
+    assert prior.precision.scale.shape == (runs, 1, 1)
+    descent = Descent(0.01, 1e-4, 1000.0, divergence)
+    ours, plain = (
+        COVARIANCES[x](
+            prior.start(1, "sources"), prior.precision, descent, Stream("t", range(3), "z"), 4
+        )
+        for x in ("full", "dense")
+    )
+    for t in range(30):
+        torch.testing.assert_close(ours.sample(), plain.sample(), rtol=1e-4, atol=1e-4)
+        gradients = torch.randn(runs, 1, 3, d, generator=torch.Generator().manual_seed(t))
+        for one in (ours, plain):
+            one.step(gradients, 0.05)
+    torch.testing.assert_close(ours.scale_tril, plain.scale_tril, rtol=1e-3, atol=1e-4)

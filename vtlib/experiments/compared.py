@@ -15,6 +15,7 @@ import numpy as np
 from attrs import evolve, frozen
 
 from vtlib.baselines import DDQNSettings, FineTuning, MellowTDSettings
+from vtlib.experiments.cartpole import CARTPOLE
 from vtlib.experiments.experiment import Algorithm, Experiment
 from vtlib.experiments.rooms import ROOMS_CHANGE, ROOMS_EVALUATION
 from vtlib.experiments.store import returns
@@ -192,6 +193,13 @@ ENVIRONMENTS = (
         ROOMS_CHANGE.published,
         iterations=3_000,
         chosen=(5, 1, 3, 6, 3, 4, 0, 5, 4, 6, 3, 0),
+    ),
+    Compared(
+        "cartpole",
+        CARTPOLE.published,
+        iterations=1_500,
+        chosen=(2, 2, 2, 1, 5, 3, 0, 1, 0, 4, 0, 2),
+        diverged=("Langevin, setting 5",),
     ),
 )
 EXPERIMENTS = (

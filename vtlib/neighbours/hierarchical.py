@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import torch
-from attrs import field, frozen
+from attrs import frozen
 from scipy.optimize import brentq
 from torch import Tensor
 
-from vtlib.checks import one_of
 from vtlib.priors import GaussianPrior, low_rank_precision
 from vtlib.transfer import Settings
 
@@ -19,10 +18,7 @@ class HierarchicalSettings(Settings):
     """Variational transfer from the predictive law of a normal-inverse-Wishart model.
 
     Parameters are those of a Gaussian posterior, whose ``jitter`` and ``ddof`` have no use here.
-    Each run has a variance of its own, which only the "dense" covariance knows of.
     """
-
-    covariance: str = field(default="dense", validator=one_of(("dense",)))
 
     def prior(self, sources: Tensor) -> GaussianPrior:
         """The prior learned from sources (R, S, d)."""

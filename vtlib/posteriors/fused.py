@@ -7,7 +7,7 @@ import ctypes
 import torch
 from torch import Tensor
 
-from vtlib.posteriors.native import NativePosterior, at
+from vtlib.posteriors.native import NativePosterior, at, of_run
 from vtlib.priors import Start
 
 LANES = 16  # the kernel's rows are padded to a multiple of this
@@ -42,12 +42,18 @@ class Fused(NativePosterior):
         out, noise = torch.empty_like(z), z.contiguous()
         gradients, used, kl_weight = self._waiting or (noise[:, :0], noise[:, :0], 0.0)
         self._descent.n_samples = gradients.shape[1]
-        self._function("step")(
-            ctypes.byref(self._descent),
-            *(len(z), z.shape[1]),
-            *map(at, (self._memory, self._W, self._WL, gradients, used, noise, out)),
-            ctypes.c_float(kl_weight),
-            self._waiting is not None,
-        )
+        passed = self._memory, self._W, self._WL, gradients, used, noise, out
+        # runs whose priors differ in scale go one by one
+        scale, components = self._precision.scale, self.mu.shape[1]
+        few = components if isinstance(scale, Tensor) else len(z)
+        for run, parts in enumerate(zip(*(x.split(few) for x in passed), strict=True)):
+            self._descent.scale = of_run(scale, run)
+            self._function("step")(
+                ctypes.byref(self._descent),
+                *(few, z.shape[1]),
+                *map(at, parts),
+                ctypes.c_float(kl_weight),
+                self._waiting is not None,
+            )
         self._waiting = None
         return out
