@@ -4,6 +4,7 @@ Each is a frozen attrs class of settings whose ``agent`` is given the sources' w
 ``vtlib.transfer.Settings``: an experiment runs it, stores it and verifies it like any algorithm.
 """
 
+from vtlib.neighbours.drifting import DriftingSettings
 from vtlib.neighbours.heads import HeadsSettings
 from vtlib.neighbours.hierarchical import HierarchicalSettings
 from vtlib.neighbours.ivon import IVONSettings
@@ -11,6 +12,7 @@ from vtlib.neighbours.langevin import LangevinSettings
 from vtlib.neighbours.regression import RegressionSettings
 
 __all__ = [
+    "DriftingSettings",
     "HeadsSettings",
     "HierarchicalSettings",
     "IVONSettings",
