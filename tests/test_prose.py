@@ -10,6 +10,7 @@ from vtlib.experiments.cartpole import (
     CARTPOLE,
     CARTPOLE_SLIDERS,
 )
+from vtlib.experiments.compared import BUDGET, ENVIRONMENTS, SPACES
 from vtlib.experiments.experiment import Experiment
 from vtlib.experiments.maze import MAIN, MAZE_SLIDERS, MAZE_TARGETS
 from vtlib.experiments.mountain_car import CAR, CAR_SLIDERS
@@ -28,7 +29,7 @@ from vtlib.experiments.rooms import (
 )
 
 BOOK = Path(__file__).resolve().parent.parent / "book"
-WORDS = {1: "one", 5: "five", 10: "ten", 20: "twenty", 50: "fifty"}
+WORDS = {1: "one", 5: "five", 8: "eight", 10: "ten", 12: "twelve", 20: "twenty", 50: "fifty"}
 MAZE = MAZE_TARGETS[MAIN].published
 EVALUATION, CHANGE = ROOMS_EVALUATION.published, ROOMS_CHANGE.published
 TIGHT = PUBLISHED_GVT.lambda_ / PUBLISHED_GVT.jitter
@@ -71,6 +72,12 @@ TYPED = [
     ("rooms_exploration", f"lasts only {EXPLORATION.iterations:,} iterations"),
     ("rooms_number_of_sources", f"and after {ROOMS_SOURCES.published.iterations:,}, below"),
     ("mazes", f"against {MAZE.iterations:,} iterations"),
+    *(
+        ("comparison", f"weights of {WORDS[one.experiment.sources]} solved sources")
+        for one in ENVIRONMENTS
+    ),
+    ("comparison", f"a row for each of {WORDS[len(SPACES)]} algorithms"),
+    ("comparison", f"in each row {WORDS[BUDGET]} short strokes"),
 ]
 
 
