@@ -67,8 +67,8 @@ class Regression(Learner):
         self._last = q.last.flatten()
         prior = GaussianPrior(sources[..., self._last], settings.jitter)
         identity = torch.eye(len(self._last)).expand(len(sources), -1, -1)
-        self._precision = prior.precision.times(identity)
-        self._pull = (self._precision @ prior.mu.mT).squeeze(-1)
+        self._precision = prior.precision.times(identity).double()
+        self._pull = (self._precision @ prior.mu.mT.double()).squeeze(-1)
         self.mu = sources.mean(1, keepdim=True)
         self._adam = torch.optim.Adam([self.mu], lr=settings.alpha, fused=True)
         self._draw(self._precision, self._pull)
@@ -88,7 +88,7 @@ class Regression(Learner):
             self._draw(*self.posterior())
 
     def posterior(self) -> tuple[Tensor, Tensor]:
-        """A (R, p, p) and b (R, p) of the last weights' posterior N(A^-1 b, A^-1)."""
+        """A (R, p, p) and b (R, p), in doubles, of the last weights' posterior N(A^-1 b, A^-1)."""
         s, q = self._settings, self._q
         batch = self._buffer.last(s.recent)
         phi = q.features(self.mu, q.prepare(batch.obs))
@@ -97,15 +97,16 @@ class Regression(Learner):
         A, b, m = self._precision.clone(), self._pull.clone(), phi.shape[1]
         for action in range(q.n_actions):
             at = slice(action * m, (action + 1) * m)
-            seen = phi * (batch.action == action).unsqueeze(1) / s.noise
+            # A sum of 5,000 squares / noise^2 in floats need not be positive definite.
+            seen = phi.double() * (batch.action == action).unsqueeze(1) / s.noise
             A[:, at, at] += seen @ seen.mT
-            b[:, at] += (seen @ target.unsqueeze(-1)).squeeze(-1) / s.noise
+            b[:, at] += (seen @ target.double().unsqueeze(-1)).squeeze(-1) / s.noise
         return A, b
 
     def _draw(self, A: Tensor, b: Tensor) -> None:
         """Take the posterior's mean into mu, and a sample from it to act with."""
-        factor = torch.linalg.cholesky(A.double())
-        mean = torch.cholesky_solve(b.double().unsqueeze(-1), factor)
+        factor = torch.linalg.cholesky(A)
+        mean = torch.cholesky_solve(b.unsqueeze(-1), factor)
         z = self._noise.normal(b.shape[1]).double().unsqueeze(-1)
         sample = mean + torch.linalg.solve_triangular(factor.mT, z, upper=True)
         self.mu[:, 0, self._last] = mean.squeeze(-1).float()
