@@ -22,7 +22,7 @@ ONLINE ?=
 BIN     := $(VENV)/bin
 SET_UP  := $(VENV)/set-up-is-done
 KERNELS := vtlib/native/lib/up-to-date
-PYFILES := vtlib tests book/_ext
+PYFILES := vtlib tests book/vtbook book/_ext
 # Only pages with cells: the rest of the Markdown has no code to check.
 PAGES    = $(shell grep -l '^kernelspec:' book/*.md)
 # On a page an import may stand where it is first used, and a cell may end in a value to show.

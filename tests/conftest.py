@@ -18,9 +18,14 @@ from pathlib import Path
 from types import ModuleType, SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 
-from vtlib import widgets
+from vtbook import widgets
+from vtlib.baselines import DDQNSettings, MellowTDSettings
+from vtlib.envs.cartpole import CartpoleFamily
+from vtlib.experiments.experiment import Experiment, Pool
+from vtlib.transfer import Settings
 
 ROOT = Path(__file__).resolve().parents[1]
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
@@ -73,6 +78,38 @@ def faults_in(log: str) -> list[str]:
     """Lines of a build's log that name a page and what is wrong with it, without colours."""
     plain = re.sub(r"\x1b\[[0-9;]*m", "", log)
     return [line for line in plain.splitlines() if re.search(r"\b(WARNING|ERROR|Error):", line)]
+
+
+@pytest.fixture(scope="session")
+def tiny() -> Experiment:
+    """Three runs of each kind of algorithm, on cartpoles, whose optimum needs no planning."""
+    learner = MellowTDSettings(epsilon_steps=100, minibatch=5)
+    pool = Pool(
+        "tiny-pool",
+        CartpoleFamily(),
+        count=3,
+        iterations=220,
+        limit=230,
+        check_every=10,
+        episodes=2,
+        settings=learner,
+    )
+    algorithms = {
+        "NT": learner,
+        "DDQN": DDQNSettings(epsilon_steps=100, minibatch=5),
+        "GVT": Settings("gaussian", minibatch=5, n_samples=2),
+        "2-MGVT": Settings(components=2, minibatch=5, n_samples=2),
+    }
+    return Experiment(
+        "tiny", pool, CartpoleFamily(), algorithms, runs=3, sources=2, iterations=220, every=20
+    )
+
+
+@pytest.fixture(scope="session")
+def weights(tiny: Experiment) -> np.ndarray:
+    """Weights of a pool of cartpoles that nobody has solved."""
+    rng = np.random.default_rng(0)
+    return 0.1 * rng.standard_normal((50, tiny.family.q().d), dtype=np.float32)
 
 
 @pytest.fixture(scope="session")

@@ -17,15 +17,15 @@ from attrs import evolve
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from vtlib.baselines import DDQNSettings, LearnerSettings, MellowTDSettings
-from vtlib.checks import LARGEST, shown
-from vtlib.neighbours import (
+from vtbook.neighbours import (
     HeadsSettings,
     HierarchicalSettings,
     IVONSettings,
     LangevinSettings,
     RegressionSettings,
 )
+from vtlib.baselines import DDQNSettings, LearnerSettings, MellowTDSettings
+from vtlib.checks import LARGEST, shown
 from vtlib.qfunctions import MLP, ModuleQ, RBFLinear
 from vtlib.replay import ReplayBuffer, Transition
 from vtlib.rng import Rng

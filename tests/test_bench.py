@@ -6,8 +6,8 @@ import math
 
 import pytest
 
+from vtbook.experiments.mountain_car import CAR
 from vtlib import bench
-from vtlib.experiments.mountain_car import CAR
 
 ALL = [(experiment, label) for experiment, old in bench.PUBLISHED for label in old]
 

@@ -8,12 +8,12 @@ from pathlib import Path
 
 import pytest
 
-from vtlib.experiments.cartpole import CARTPOLE
-from vtlib.experiments.experiment import POSTERIORS, PSIS, slider_lambdas
-from vtlib.experiments.maze import MAZE_LAMBDAS, MAZE_POSTERIORS, MAZE_PSIS
-from vtlib.experiments.maze import PUBLISHED_MGVT as MAZE_MGVT
-from vtlib.experiments.mountain_car import CAR, CAR_LAMBDAS
-from vtlib.experiments.rooms import PUBLISHED_MGVT, ROOMS_LAMBDAS
+from vtbook.experiments.cartpole import CARTPOLE
+from vtbook.experiments.grids import POSTERIORS, PSIS, slider_lambdas
+from vtbook.experiments.maze import MAZE_LAMBDAS, MAZE_POSTERIORS, MAZE_PSIS
+from vtbook.experiments.maze import PUBLISHED_MGVT as MAZE_MGVT
+from vtbook.experiments.mountain_car import CAR, CAR_LAMBDAS
+from vtbook.experiments.rooms import PUBLISHED_MGVT, ROOMS_LAMBDAS
 from vtlib.transfer import Settings
 
 

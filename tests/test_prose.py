@@ -6,15 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from vtlib.experiments.cartpole import (
-    CARTPOLE,
-    CARTPOLE_SLIDERS,
-)
-from vtlib.experiments.compared import BUDGET, ENVIRONMENTS, SPACES
-from vtlib.experiments.experiment import Experiment
-from vtlib.experiments.maze import MAIN, MAZE_SLIDERS, MAZE_TARGETS
-from vtlib.experiments.mountain_car import CAR, CAR_SLIDERS
-from vtlib.experiments.rooms import (
+from vtbook.experiments.cartpole import CARTPOLE, CARTPOLE_SLIDERS
+from vtbook.experiments.compared import BUDGET, ENVIRONMENTS, SPACES
+from vtbook.experiments.maze import MAIN, MAZE_SLIDERS, MAZE_TARGETS
+from vtbook.experiments.mountain_car import CAR, CAR_SLIDERS
+from vtbook.experiments.rooms import (
     PUBLISHED_GVT,
     PUBLISHED_MGVT,
     ROOMS_CHANGE,
@@ -27,6 +23,7 @@ from vtlib.experiments.rooms import (
     ROOMS_SOURCES,
     ROOMS_SOURCES_SLIDERS,
 )
+from vtlib.experiments.experiment import Experiment
 
 BOOK = Path(__file__).resolve().parent.parent / "book"
 WORDS = {1: "one", 5: "five", 8: "eight", 10: "ten", 12: "twelve", 20: "twenty", 50: "fifty"}

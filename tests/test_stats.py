@@ -11,19 +11,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import t as student
 
-from vtlib.stats import (
+from vtbook.comparisons import (
     bootstrap_interval,
-    difference_interval,
     holm,
     improvement_interval,
     interquartile_mean,
-    mean_interval,
     paired_p,
     ratio_interval,
-    same_distribution_p,
     slope_interval,
     spread_interval,
 )
+from vtlib.stats import difference_interval, mean_interval, same_distribution_p
 
 PROPERTY = settings(deadline=None, derandomize=True)
 TASKS = np.repeat(np.arange(4), 5)

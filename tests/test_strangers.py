@@ -20,7 +20,8 @@ from attrs import frozen
 
 from vtlib.baselines import DDQNSettings, MellowTDSettings
 from vtlib.envs.base import TaskBatch, TaskFamily
-from vtlib.experiments import EXPERIMENTS, load, returns
+from vtbook.experiments import EXPERIMENTS
+from vtlib.experiments import load, returns
 from vtlib.experiments.heads import live_check
 from vtlib.experiments.whole import verify
 from vtlib.experiments.experiment import Experiment, Pool
@@ -194,7 +195,7 @@ from attrs import evolve
 import adam
 import low_rank
 from vtlib.experiments import returns, store
-from vtlib.experiments.cartpole import CARTPOLE, CARTPOLES, GVT, MGVT
+from vtbook.experiments.cartpole import CARTPOLE, CARTPOLES, GVT, MGVT
 from vtlib.experiments.whole import check_runs
 from vtlib.experiments.schedule import complete
 

@@ -16,7 +16,7 @@ from distributed import KilledWorker
 
 from vtlib import __version__, bench
 from vtlib.checks import one_line
-from vtlib.experiments import EXPERIMENTS, THESIS, named, store
+from vtlib.experiments import installed, known, named, store
 from vtlib.experiments.experiment import Experiment
 from vtlib.experiments.heads import check_heads
 from vtlib.experiments.ledger import record
@@ -46,9 +46,9 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--version", action="version", version=f"vtlib {__version__}")
     commands = parser.add_subparsers(required=True, metavar="command")
     run = commands.add_parser("run", help="compute what an experiment still lacks, and store it")
-    run.add_argument("experiment", help=f"one of {', '.join(EXPERIMENTS)}")
+    names = ", ".join([*installed(), *known()])
+    run.add_argument("experiment", help=f"one of {names}")
     run.set_defaults(command=_run)
-    names = ", ".join(EXPERIMENTS)
     verify = commands.add_parser(
         "verify",
         help="recompute one whole run of every stored result, drawn at random",
@@ -68,7 +68,7 @@ def _parser() -> argparse.ArgumentParser:
         "--only",
         action="append",
         metavar="EXPERIMENT",
-        help="may be repeated; thesis for those of its figures",
+        help="may be repeated",
     )
     again.add_argument("--runs", type=_positive, help="only the first so many of each experiment")
     again.add_argument(
@@ -122,13 +122,19 @@ def _workers(options: argparse.Namespace) -> dict[str, Any]:
 
 
 def _run(options: argparse.Namespace) -> int:
-    complete([named(options.experiment)], options.results, **_workers(options))
+    complete(named(options.experiment), options.results, **_workers(options))
     print(f"{options.experiment} is complete under {options.results}")
     return 0
 
 
+def _chosen(names: list[str] | None) -> list[Experiment]:
+    """The experiments that names stand for, each once; all when none is named."""
+    found = {e.name: e for name in names or known() for e in named(name)}
+    return list(found.values())
+
+
 def _verify(options: argparse.Namespace) -> int:
-    experiments = [named(name) for name in options.experiment or EXPERIMENTS]
+    experiments = _chosen(options.experiment)
     check_readable(options.results)
     bad = 0
     for name, wrong, outcome in (_heads if options.heads else _whole)(experiments, options):
@@ -167,10 +173,7 @@ def _whole(
 
 
 def _reproduce(options: argparse.Namespace) -> int:
-    names: list[str] = []
-    for name in options.only or EXPERIMENTS:
-        names += THESIS if name == "thesis" else [name]
-    experiments = [named(name) for name in dict.fromkeys(names)]
+    experiments = _chosen(options.only)
     check_readable(options.results)
     beside = f"reproduced-{options.runs}" if options.runs else "reproduced"
     fresh = options.fresh or Path("_build", beside)

@@ -22,7 +22,12 @@ FORMULAS = formulas()
 
 def modules(root: Path = ROOT) -> list[str]:
     """Dotted names of the library's public modules, packages before what they hold."""
-    paths = (path.relative_to(root).with_suffix("") for path in (root / "vtlib").rglob("*.py"))
+    homes = (root, "vtlib"), (root / "book", "vtbook")
+    paths = (
+        path.relative_to(home).with_suffix("")
+        for home, package in homes
+        for path in (home / package).rglob("*.py")
+    )
     names = (".".join(path.parts).removesuffix(".__init__") for path in paths)
     return sorted(name for name in names if "._" not in name)
 

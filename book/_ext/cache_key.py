@@ -1,7 +1,7 @@
 """Sphinx extension: a page runs again whenever something that its figures depend on has changed.
 
 jupyter-cache recognises a page by its code cells alone. Here the cache lives in a folder named by
-a hash of everything else a page reads: the library, the pinned versions, the stored
+a hash of everything else a page reads: the libraries, the pinned versions, the stored
 runs and the panel that pages hold a copy of.
 """
 
@@ -23,7 +23,8 @@ def dependencies(root: Path) -> Iterator[Path]:
     results = Path(os.environ.get("VTLIB_RESULTS", root / "book" / "results"))
     static = root / "book" / "_static"
     panels = (path for name in ("trainer", "race") for path in static.glob(f"{name}*"))
-    for path in sorted([*(root / "vtlib").rglob("*"), *results.rglob("*"), *panels]):
+    code = (path for name in ("vtlib", "book/vtbook") for path in (root / name).rglob("*"))
+    for path in sorted([*code, *results.rglob("*"), *panels]):
         if path.is_file() and not IGNORED.intersection(path.parts):
             yield path
 

@@ -43,6 +43,7 @@ EQUATIONS = {
     "eq-5-14": ("priors.responsibilities",),
     "eq-5-15": ("priors.responsibilities",),
 }
+NAME = re.compile(r"(vtlib|vtbook)(\.\w+)+")
 LABELLED = re.compile(r"^ *\$\$\n([^$]*)\n *\$\$ \((eq-\d-\d+)\)", re.MULTILINE)
 
 
@@ -80,7 +81,7 @@ def target(objects: dict[str, Any], text: str) -> str | None:
     if name.startswith("Settings."):
         name = "Settings"
     candidates = (name, f"vtlib.{name}", f"vtlib.transfer.{name}")
-    homes = (home(x) for x in candidates if re.fullmatch(r"vtlib(\.\w+)+", x))
+    homes = (home(x) for x in candidates if NAME.fullmatch(x))
     return next((x for x in homes if x in objects), None)
 
 
@@ -115,7 +116,7 @@ def link_names(app: Any, doctree: nodes.document, docname: str) -> None:
                 app.builder, docname, entry.docname, entry.node_id, literal.deepcopy(), name
             )
             literal.replace_self(link)
-        elif re.fullmatch(r"vtlib(\.\w+)+", text):
+        elif NAME.fullmatch(text):
             LOGGER.warning("the reference of the library has no %s", text, location=literal)
 
 

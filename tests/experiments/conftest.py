@@ -1,4 +1,4 @@
-"""A small experiment, which may be changed, and a cluster in this process that computes it."""
+"""What a small experiment comes to, which may be changed, and a cluster in this process."""
 
 from __future__ import annotations
 
@@ -6,47 +6,11 @@ import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
-import numpy as np
 import pytest
 from distributed import LocalCluster
 
-from vtlib.baselines import DDQNSettings, MellowTDSettings
-from vtlib.envs.cartpole import CartpoleFamily
 from vtlib.experiments import schedule
-from vtlib.experiments.experiment import Experiment, Pool
-from vtlib.transfer import Settings
-
-
-@pytest.fixture(scope="session")
-def tiny() -> Experiment:
-    """Three runs of each kind of algorithm, on cartpoles, whose optimum needs no planning."""
-    learner = MellowTDSettings(epsilon_steps=100, minibatch=5)
-    pool = Pool(
-        "tiny-pool",
-        CartpoleFamily(),
-        count=3,
-        iterations=220,
-        limit=230,
-        check_every=10,
-        episodes=2,
-        settings=learner,
-    )
-    algorithms = {
-        "NT": learner,
-        "DDQN": DDQNSettings(epsilon_steps=100, minibatch=5),
-        "GVT": Settings("gaussian", minibatch=5, n_samples=2),
-        "2-MGVT": Settings(components=2, minibatch=5, n_samples=2),
-    }
-    return Experiment(
-        "tiny", pool, CartpoleFamily(), algorithms, runs=3, sources=2, iterations=220, every=20
-    )
-
-
-@pytest.fixture(scope="session")
-def weights(tiny: Experiment) -> np.ndarray:
-    """Weights of a pool of cartpoles that nobody has solved."""
-    rng = np.random.default_rng(0)
-    return 0.1 * rng.standard_normal((50, tiny.family.q().d), dtype=np.float32)
+from vtlib.experiments.experiment import Experiment
 
 
 def cluster(workers: int, **options: bool) -> LocalCluster:

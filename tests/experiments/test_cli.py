@@ -15,8 +15,9 @@ from distributed import KilledWorker
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from vtbook.experiments import EXPERIMENTS, THESIS
 from vtlib import __version__, bench, cli
-from vtlib.experiments import EXPERIMENTS, THESIS, run, schedule, store
+from vtlib.experiments import run, schedule, store
 from vtlib.experiments.ledger import recorded
 
 RESULTS = ("tiny-pool/sources", "tiny/tasks", "tiny/NT", "tiny/GVT")

@@ -8,11 +8,12 @@ import attrs
 import pytest
 from attrs import evolve
 
+from vtbook.experiments.grids import slider_lambdas, slider_name, sliders_of
 from vtlib.baselines import LearnerSettings, MellowTDSettings
 from vtlib.envs.cartpole import CartpoleFamily
 from vtlib.envs.maze import MazeFamily
 from vtlib.envs.rooms import RoomsFamily
-from vtlib.experiments.experiment import Experiment, Pool, slider_lambdas, slider_name, sliders_of
+from vtlib.experiments.experiment import Experiment, Pool
 from vtlib.transfer import Settings
 
 NO_WHOLE = [0, -1, 1.0, True, "3", None, 10**10, math.nan]
@@ -51,6 +52,7 @@ EXPERIMENT = {
     "visits": NO_BOOL,
     "excluded": [None, 1, [1], (3,), (-1,), (1.0,), (True,), (0,)],  # too few would be left
     "probes": [-1, 1.0, True, None, 5],  # 5 only where all transfer
+    "probe": [print],  # without places to look at
     "each": NO_BOOL,
 }
 

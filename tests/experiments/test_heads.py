@@ -9,12 +9,12 @@ import pytest
 import torch
 from attrs import evolve
 
+from vtbook.experiments.cartpole import CARTPOLE
+from vtbook.experiments.rooms import ROOMS_EVALUATION, THREE_ROOMS
 from vtlib import rng, transfer
 from vtlib.envs.rooms import Rooms
 from vtlib.experiments import run, sources, store
-from vtlib.experiments.cartpole import CARTPOLE
 from vtlib.experiments.heads import check_heads, live_check
-from vtlib.experiments.rooms import ROOMS_EVALUATION, THREE_ROOMS
 from vtlib.native import runs
 from vtlib.priors import MixturePrior
 

@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 from attrs import evolve
 
+from vtbook.experiments.cartpole import CARTPOLE
 from vtlib.experiments import schedule, store
-from vtlib.experiments.cartpole import CARTPOLE
 from vtlib.experiments.run import run_batch
 
 # A command of its own, which can be killed: one that computes with two processes of its own.
@@ -31,8 +31,9 @@ if __name__ == "__main__":
 from pathlib import Path
 from attrs import evolve
 from vtlib.cli import main
-from vtlib.experiments import EXPERIMENTS, schedule
-from vtlib.experiments.cartpole import CARTPOLE
+from vtbook.experiments import EXPERIMENTS
+from vtlib.experiments import schedule
+from vtbook.experiments.cartpole import CARTPOLE
 
 CARTS = CARTPOLE.published
 few = evolve(CARTS.pool, name="few", count=10, iterations=200, limit=200)

@@ -15,8 +15,8 @@ import pytest
 from attrs import evolve
 from distributed import Client
 
+from vtbook.experiments.rooms import ROOMS_EVALUATION
 from vtlib.experiments import schedule, store
-from vtlib.experiments.rooms import ROOMS_EVALUATION
 from vtlib.experiments.schedule import compute, done, join_finished, keep, units_of
 from vtlib.training import Diverged
 

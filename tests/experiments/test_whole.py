@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from attrs import evolve
 
+from vtbook.experiments.cartpole import CARTPOLES
+from vtbook.experiments.rooms import ROOMS_EVALUATION
 from vtlib import native, transfer
 from vtlib.experiments import run, schedule, sources, store, whole
-from vtlib.experiments.cartpole import CARTPOLES
 from vtlib.experiments.heads import check_heads
-from vtlib.experiments.rooms import ROOMS_EVALUATION
 from vtlib.experiments.whole import Whole, check_runs, verify
 
 EVERY = [0, 1, 2]

@@ -10,6 +10,7 @@ from attrs import frozen
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from vtbook.experiments.protocols import as_published
 from vtlib import native
 from vtlib.baselines import DDQNSettings, FineTuning, MellowTDSettings
 from vtlib.envs.base import TaskFamily
@@ -18,7 +19,6 @@ from vtlib.envs.episodes import Episodes
 from vtlib.envs.maze import MazeFamily
 from vtlib.envs.mountain_car import MountainCarFamily
 from vtlib.envs.rooms import RoomsFamily
-from vtlib.experiments.protocols import as_published
 from vtlib.native.runs import NativeRun, supports, train_natively
 from vtlib.rng import Rng
 from vtlib.training import Agent, Diverged, fingerprint, iterate

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -23,21 +23,6 @@ def picture(draw: Callable[[Axes], None], size: tuple[int, int]) -> np.ndarray:
     draw(figure.add_axes((0.05, 0.05, 0.9, 0.9)))
     canvas.draw()
     return np.asarray(canvas.buffer_rgba())[..., :3].copy()
-
-
-def arrow(
-    ax: Axes,
-    start: Iterable[float],
-    end: Iterable[float],
-    color: str = ARROW,
-    style: str = "-|>",
-    width: float = 2.0,
-) -> None:
-    """Draw an arrow between two points of the drawing, its head in proportion to its width."""
-    properties = {"arrowstyle": style, "color": color, "lw": width, "shrinkA": 0, "shrinkB": 0}
-    properties["mutation_scale"] = 8 + 3 * width  # size of the head in points
-    (x, y), (end_x, end_y) = start, end
-    ax.annotate("", (end_x, end_y), (x, y), arrowprops=properties)
 
 
 def bare(ax: Axes, xlim: tuple[float, float], ylim: tuple[float, float]) -> None:

@@ -1,32 +1,38 @@
-"""The book's experiments: a frozen configuration per figure; what runs, stores, verifies."""
+"""What runs, stores and verifies experiments. Packages offer theirs to the command line."""
 
-from vtlib.experiments import cartpole, compared, maze, mountain_car, rooms
+import functools
+from collections.abc import Mapping
+from importlib.metadata import entry_points
+
 from vtlib.experiments.experiment import Experiment
 from vtlib.experiments.heads import live_check
 from vtlib.experiments.store import load, returns
 
-__all__ = ["EXPERIMENTS", "POOLS", "THESIS", "live_check", "load", "named", "returns"]
+__all__ = ["installed", "known", "live_check", "load", "named", "returns"]
 
-# For the command line: an experiment of one's own runs, stores and verifies without it.
-PAGES = (rooms, cartpole, mountain_car, maze, compared)
-EXPERIMENTS: dict[str, Experiment] = {e.name: e for page in PAGES for e in page.EXPERIMENTS}
-# The figures of the thesis, in both protocols; the others ask why.
-FIGURES = (
-    rooms.ROOMS_EVALUATION,
-    rooms.ROOMS_CHANGE,
-    rooms.ROOMS_EXPLORATION,
-    rooms.ROOMS_LIKELIHOOD,
-    rooms.ROOMS_SOURCES,
-    cartpole.CARTPOLE,
-    mountain_car.CAR,
-    *maze.MAZE_TARGETS.values(),
-)
-THESIS = [e.name for protocols in FIGURES for e in protocols if e.name in EXPERIMENTS]
-POOLS = {e.pool.name: e.pool for e in EXPERIMENTS.values()}
+GROUP = "vtlib.experiments"
 
 
-def named(name: str) -> Experiment:
-    """The experiment of that name; ValueError names the known ones otherwise."""
-    if name not in EXPERIMENTS:
-        raise ValueError(f"unknown experiment {name!r}; known are {', '.join(EXPERIMENTS)}")
-    return EXPERIMENTS[name]
+@functools.cache
+def installed() -> Mapping[str, Mapping[str, Experiment]]:
+    """Collections of experiments, by name, that installed packages offer.
+
+    A package offers one by an entry point of the group "vtlib.experiments", which leads to a
+    mapping from names to experiments. Without it an experiment of one's own runs, stores and
+    verifies all the same, from Python.
+    """
+    return {one.name: one.load() for one in entry_points(group=GROUP)}
+
+
+def known() -> dict[str, Experiment]:
+    """All experiments that installed packages offer, by their names."""
+    return {name: e for offered in installed().values() for name, e in offered.items()}
+
+
+def named(name: str) -> list[Experiment]:
+    """The experiments that a name stands for, of one or of a collection; ValueError for none."""
+    if name in installed():
+        return list(installed()[name].values())
+    if name not in known():
+        raise ValueError(f"unknown experiment {name!r}; known are {', '.join(known())}")
+    return [known()[name]]

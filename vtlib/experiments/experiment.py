@@ -1,20 +1,19 @@
-"""What an experiment is: frozen configurations of source pools and of runs; and the sliders."""
+"""What an experiment is: frozen configurations of source pools and of runs."""
 
 from __future__ import annotations
 
-import itertools
-import math
-from collections.abc import Mapping, Sequence
-from typing import ClassVar, Protocol, runtime_checkable
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, ClassVar, Protocol, runtime_checkable
 
 import attrs
-from attrs import Factory, evolve, field, frozen
+import numpy as np
+from attrs import Factory, field, frozen
 from torch import Tensor
 
 from vtlib import checks
 from vtlib.baselines import MellowTDSettings
-from vtlib.checks import check_kind, check_name, check_one_of, check_positive, check_whole, shown
-from vtlib.envs.base import TaskFamily
+from vtlib.checks import check_kind, check_name, check_one_of, check_whole, shown
+from vtlib.envs.base import TaskFamily, Tasks
 from vtlib.qfunctions import QFunction
 from vtlib.rng import Rng
 from vtlib.training import Agent
@@ -84,6 +83,21 @@ class Pool:
             raise ValueError(f"settings must not transfer, got {shown(self.settings)}")
 
 
+class Probe(Protocol):
+    """Looks at an agent at each record; ``arrays`` are stored with the returns."""
+
+    def look(self, agent: Any) -> None:
+        """Note what the agent is like now."""
+
+    @property
+    def arrays(self) -> dict[str, np.ndarray]:
+        """What was noted, over the runs."""
+
+
+#: Of an experiment, the label of an algorithm, some runs and their tasks.
+ProbeMaker = Callable[["Experiment", str, Sequence[int], Tasks], Probe]
+
+
 @frozen
 class Experiment:
     """A figure's runs: targets from ``family``, ``sources`` of ``pool`` drawn for each run.
@@ -92,10 +106,10 @@ class Experiment:
     experiments that share it share targets, sources and random numbers run by run. Each
     ``runs_per_task`` consecutive runs have one target. ``counts`` names algorithms that use only
     the first so many of a run's sources; ``excluded`` are sources that no run may draw; ``visits``
-    keeps the positions that the agents visit; ``probes`` is the number of places at which
-    the posterior is looked at along the way (see ``vtlib.experiments.probes``). The greedy return
-    of a mixture is that of its mean Q-function, or the mean over ``each`` of its components. Raises
-    ValueError for a value outside its range.
+    keeps the positions that the agents visit; ``probe`` makes what looks at the agents along the
+    way, at so many places as ``probes`` says. The greedy return of a mixture is that of its mean
+    Q-function, or the mean over ``each`` of its components. Raises ValueError for a value outside
+    its range.
     """
 
     name: str = field(validator=checks.name())
@@ -114,6 +128,7 @@ class Experiment:
     visits: bool = field(default=False, validator=checks.kind(bool))
     excluded: tuple[int, ...] = field(default=(), validator=checks.kind(tuple))
     probes: int = field(default=0, validator=checks.whole(0))
+    probe: ProbeMaker | None = None
     each: bool = field(default=False, validator=checks.kind(bool))
 
     def __attrs_post_init__(self) -> None:
@@ -137,6 +152,8 @@ class Experiment:
         for label, count in self.counts.items():
             check_one_of("a label in counts", label, self.algorithms)
             check_whole(f"counts[{label!r}]", count, 1, self.sources)
+        if bool(self.probes) != (self.probe is not None):
+            raise ValueError(f"probes must be 0 without a probe, else more, got {self.probes}")
         if self.probes and not all(one.transfers for one in self.algorithms.values()):
             raise ValueError(f"probes must be 0 unless all algorithms transfer, got {self.probes}")
 
@@ -159,70 +176,3 @@ class Experiment:
     def sources_of(self, label: str) -> int:
         """How many of a run's sources an algorithm uses."""
         return self.counts.get(label, self.sources)
-
-
-PSIS = (0.0, 0.5, 1.0)
-POSTERIORS = ("GVT", "1-MGVT", "2-MGVT", "3-MGVT")
-
-
-def slider_lambdas(base: Settings) -> tuple[float, ...]:
-    """Five powers of ten around the lambda of the thesis' setting, which must not be 0."""
-    check_positive("lambda_", base.lambda_)
-    middle = round(math.log10(base.lambda_))
-    return tuple(float(f"1e{middle + step}") for step in (-2, -1, 0, 1, 2))
-
-
-def count_name(algorithm: str, count: int) -> str:
-    """The name under which an algorithm with so many sources is stored."""
-    return f"{algorithm}-from-{count}"
-
-
-def slider_name(lambda_: float, psi: float, posterior: str) -> str:
-    """The name under which one setting of the sliders is stored."""
-    return f"{posterior}-lambda-{lambda_:.0e}-psi-{psi:g}"
-
-
-def slider_settings(
-    thesis: Mapping[str, Settings], lambda_: float, psi: float, posterior: str
-) -> Settings:
-    """One setting of the sliders around the thesis' of "GVT" and "1-MGVT"."""
-    if posterior == "GVT":
-        return evolve(thesis["GVT"], lambda_=lambda_, psi=psi)
-    components = int(posterior.removesuffix("-MGVT"))
-    return evolve(thesis["1-MGVT"], lambda_=lambda_, psi=psi, components=components)
-
-
-def slider_thesis(experiment: Experiment) -> dict[str, Settings]:
-    """The thesis' settings around which sliders move; ValueError when an experiment lacks one."""
-    for label in ("GVT", "1-MGVT"):
-        check_one_of("the sliders' algorithm", label, experiment.algorithms)
-    return {label: experiment.transfer_settings(label) for label in ("GVT", "1-MGVT")}
-
-
-def sliders_of(
-    experiment: Experiment,
-    name: str,
-    runs: int,
-    iterations: int,
-    lambdas: Sequence[float] | None = None,
-    psis: Sequence[float] = PSIS,
-    posteriors: Sequence[str] = POSTERIORS,
-) -> Experiment:
-    """The settings of the sliders around GVT and 1-MGVT, on an experiment's first runs or tasks.
-
-    lambdas, psis, posteriors: those of the sliders; lambdas are ``slider_lambdas`` of 1-MGVT by
-    default. Raises ValueError when the experiment lacks GVT or 1-MGVT.
-    """
-    thesis = slider_thesis(experiment)
-    lambdas = lambdas or slider_lambdas(thesis["1-MGVT"])
-    return evolve(
-        experiment,
-        name=name,
-        algorithms={
-            slider_name(*setting): slider_settings(thesis, *setting)
-            for setting in itertools.product(lambdas, psis, reversed(posteriors))
-        },
-        runs=runs,
-        iterations=iterations,
-        runs_per_task=1,
-    )

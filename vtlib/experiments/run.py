@@ -19,7 +19,6 @@ from vtlib.envs.base import Tasks
 from vtlib.envs.episodes import Episodes
 from vtlib.evaluation import Evaluation
 from vtlib.experiments.experiment import Experiment
-from vtlib.experiments.probes import probe_of
 from vtlib.experiments.sources import check_pool_weights
 from vtlib.native.runs import NativeRun, supports, train_natively
 from vtlib.rng import Rng, generator
@@ -140,7 +139,9 @@ def run_batch(
         curves = _returns(experiment, label, runs, weights, *how_long, progress)
     else:
         batch = prepare(experiment, label, runs, weights, device)
-        probe = probe_of(experiment, label, runs, targets(experiment, runs))
+        probe = experiment.probe and experiment.probe(
+            experiment, label, runs, targets(experiment, runs)
+        )
 
         def evaluate(mu: Tensor) -> Tensor:
             if probe is not None:
@@ -197,7 +198,7 @@ def prepare_natively(
 
 def _looked_at(experiment: Experiment) -> bool:
     """Whether more is asked for than returns, which only the engine tells."""
-    return bool(experiment.visits or experiment.probes)
+    return bool(experiment.visits or experiment.probe)
 
 
 def by_kernels(experiment: Experiment, label: str) -> bool:

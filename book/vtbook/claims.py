@@ -1,0 +1,221 @@
+"""What the thesis claims of its figures: one number for each claim, and the bounds it has to keep.
+
+The number is measured alike in both protocols and on the published curves: ``Runs`` and ``Printed``
+answer the same questions.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+from attrs import field, frozen
+from scipy.stats import binomtest
+from xarray import Dataset
+
+from vtbook.comparisons import ratio_interval, spread_interval
+from vtbook.published import PublishedCurve, curves
+from vtlib.experiments import returns
+from vtlib.experiments.experiment import Experiment
+from vtlib.rng import generator
+from vtlib.stats import Interval, mean_interval
+
+REPRODUCED, NOT = "reproduced", "not reproduced"
+UNDECIDED, STRONGER = "undecided", "stronger than claimed"
+VERDICTS = REPRODUCED, STRONGER, UNDECIDED, NOT
+OPTIMAL = 0.9  # a return that misses the optimum by at most a tenth is called optimal
+EARLY = 500  # iterations within which a start shows
+MIXTURES, TRANSFER = ("1-MGVT", "3-MGVT"), ("GVT", "1-MGVT", "3-MGVT")
+
+
+@frozen
+class Claim:
+    """A claim of the thesis in this book's words, and the number that decides about it.
+
+    It holds where the number lies between low and high. Beyond the bound that ``stronger`` names,
+    "low" or "high", the claim is an understatement. found: the number by protocol. printed: that of
+    the published curves, where there is one. ours: the claim is this book's and not the thesis'.
+    """
+
+    text: str
+    number: str
+    found: Mapping[str, Interval]
+    printed: Interval | None
+    low: float = -np.inf
+    high: float = np.inf
+    stronger: str = ""
+    ours: bool = False
+
+    def verdict(self, protocol: str) -> str:
+        """Whether the claim holds in a protocol."""
+        return self.judge(self.found[protocol])
+
+    def judge(self, number: Interval) -> str:
+        """The verdict on a number: undecided when its interval holds both answers."""
+        if number.low >= self.low and number.high <= self.high:
+            return REPRODUCED
+        below, above = number.high < self.low, number.low > self.high
+        if (below and self.stronger == "low") or (above and self.stronger == "high"):
+            return STRONGER
+        return NOT if below or above else UNDECIDED
+
+    @property
+    def bounds(self) -> str:
+        """What the number has to keep, in words."""
+        if np.isinf(self.high):
+            return f"at least {self.low:g}"
+        return f"at most {self.high:g}" if np.isinf(self.low) else f"{self.low:g} to {self.high:g}"
+
+
+@frozen(eq=False)
+class Runs:
+    """Stored returns of an algorithm; shares are of the way from a floor to the mean optimum."""
+
+    stored: Dataset
+    floor: float = 0.0
+
+    @property
+    def scale(self) -> float:
+        """The mean optimum above the floor."""
+        return float(self.stored.optimum.mean()) - self.floor
+
+    def at(self, t: int, kind: str = "learning") -> np.ndarray:
+        """Returns (R,) at a recorded iteration; KeyError when it was not recorded."""
+        return np.asarray(self.stored[kind].sel(iteration=t))
+
+    def until(self, t: int) -> np.ndarray:
+        """Learning returns (R,) averaged until an iteration."""
+        return np.asarray(self.stored.learning.sel(iteration=slice(None, t)).mean("iteration"))
+
+    def share(self, t: int, kind: str = "learning") -> Interval:
+        """The mean return at an iteration."""
+        return mean_interval((self.at(t, kind) - self.floor) / self.scale)
+
+    def gain(self, other: Runs, t: int, kind: str = "learning") -> Interval:
+        """How much more this algorithm earns than another at an iteration, paired by run."""
+        return mean_interval((self.at(t, kind) - other.at(t, kind)) / self.scale)
+
+    def gain_until(self, other: Runs, t: int) -> Interval:
+        """How much more this algorithm earns than another until an iteration, paired by run."""
+        return mean_interval((self.until(t) - other.until(t)) / self.scale)
+
+    def spread(self, other: Runs, t: int) -> Interval:
+        """Standard deviation over runs at an iteration, by that of another algorithm."""
+        return spread_interval(self.at(t), other.at(t), generator("claims", t, "spread"))
+
+    def ratio(self, other: Runs, t: int) -> Interval:
+        """Mean return at an iteration by that of another algorithm, paired by run."""
+        return ratio_interval(self.at(t), other.at(t))
+
+    def solved(self, t: int) -> Interval:
+        """Share of the runs whose greedy policy misses its own optimum by at most a tenth."""
+        own = self.stored.optimum.values - self.floor
+        return share_interval(self.at(t, "greedy") - self.floor >= OPTIMAL * own)
+
+    def restlessness(self, t: int) -> Interval:
+        """How much faster the mean greedy curve moves until an iteration than afterwards."""
+        return _restlessness(self.stored.greedy.values.mean(0), self.stored.iteration.values, t)
+
+
+@frozen(eq=False)
+class Printed:
+    """Published curves of an algorithm, on the scale of our runs of the same experiment."""
+
+    learning: PublishedCurve
+    greedy: PublishedCurve
+    scale: float
+    floor: float = 0.0
+
+    def share(self, t: int, kind: str = "learning") -> Interval:
+        """The mean return at an iteration."""
+        return Interval(*((x - self.floor) / self.scale for x in getattr(self, kind).at(t)))
+
+    def gain(self, other: Printed, t: int, kind: str = "learning") -> Interval:
+        """How much more this algorithm earns than another; the pairing of runs is lost."""
+        return difference(self.share(t, kind), other.share(t, kind))
+
+    def gain_until(self, other: Printed, t: int) -> Interval:
+        """How much more this algorithm earns than another until an iteration."""
+        own, others = (x.learning.until(t) for x in (self, other))
+        return Interval(*(x / self.scale for x in difference(own, others)))
+
+    def spread(self, other: Printed, t: int) -> Interval:
+        """Width of the band at an iteration, by that of another algorithm."""
+        own, others = (x.learning.at(t) for x in (self, other))
+        return exactly(float((own.high - own.low) / (others.high - others.low)))
+
+    def restlessness(self, t: int) -> Interval:
+        """How much faster the mean greedy curve moves until an iteration than afterwards."""
+        return _restlessness(self.greedy.mean, self.greedy.iterations, t)
+
+
+def _restlessness(curve: np.ndarray, iterations: np.ndarray, t: int) -> Interval:
+    steps, early = np.abs(np.diff(curve)), iterations[1:] <= t
+    return exactly(steps[early].mean() / steps[~early].mean())
+
+
+def exactly(value: float) -> Interval:
+    """A number without an interval."""
+    return Interval(value, value, value)
+
+
+def difference(a: Interval, b: Interval) -> Interval:
+    """a - b of independent means."""
+    centre, half = a.centre - b.centre, np.hypot(a.high - a.centre, b.high - b.centre)
+    return Interval(centre, centre - half, centre + half)
+
+
+def share_interval(yes: np.ndarray) -> Interval:
+    """Share of runs (R,) for which something is so, with Wilson's 95 % interval."""
+    found = binomtest(int(yes.sum()), len(yes))
+    return Interval(found.statistic, *found.proportion_ci(method="wilson"))
+
+
+@frozen(eq=False)
+class Figure:
+    """An experiment in some protocols, with its published figure's curves if there are any."""
+
+    protocols: Mapping[str, Experiment]
+    name: str = ""
+    floor: float = 0.0
+    runs: Mapping[str, Mapping[str, Runs]] = field(init=False)
+    printed: Mapping[str, Printed] = field(init=False)
+
+    @runs.default
+    def _load(self) -> Mapping[str, Mapping[str, Runs]]:
+        return {
+            protocol: {x: Runs(returns(experiment, x), self.floor) for x in experiment.algorithms}
+            for protocol, experiment in self.protocols.items()
+        }
+
+    @printed.default
+    def _read(self) -> Mapping[str, Printed]:
+        if not self.name:
+            return {}
+        learning, greedy = (curves(self.name, kind) for kind in ("learning", "greedy"))
+        scale = next(iter(self.runs["published"].values())).scale
+        return {x: Printed(learning[x], greedy[x], scale, self.floor) for x in learning}
+
+    def claim(
+        self,
+        text: str,
+        number: str,
+        measure: Callable[..., Interval],
+        *labels: str,
+        printed: bool = True,
+        **bounds: Any,
+    ) -> Claim:
+        """A claim whose number is measured of the runs with some labels."""
+        found = {
+            protocol: measure(*(runs[x] for x in labels)) for protocol, runs in self.runs.items()
+        }
+        seen = measure(*(self.printed[x] for x in labels)) if printed and self.printed else None
+        return Claim(text, number, found, seen, **bounds)
+
+    def overlap(self, protocol: str, label: str, kind: str) -> float:
+        """Share of the recorded iterations at which our 95 % interval meets the published one."""
+        ours, theirs = self.runs[protocol][label].stored[kind], getattr(self.printed[label], kind)
+        both = np.isin(ours.iteration.values, theirs.iterations)
+        band, at = mean_interval(ours.values[:, both]), np.isin(theirs.iterations, ours.iteration)
+        return float(np.mean((band.low <= theirs.high[at]) & (theirs.low[at] <= band.high)))

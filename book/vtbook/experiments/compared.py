@@ -1,0 +1,208 @@
+"""Variational transfer and its neighbours, tuned alike, on tasks that none of them was tuned on.
+
+In each environment every algorithm has the same budget: its own default and seven settings drawn
+from its search space, eight runs each. The setting with the largest mean learning return, over
+runs and recorded iterations, is run again on thirty other tasks.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Mapping
+from typing import Any, cast
+
+import numpy as np
+from attrs import evolve, frozen
+
+from vtbook.experiments.cartpole import CARTPOLE
+from vtbook.experiments.rooms import ROOMS_CHANGE, ROOMS_EVALUATION
+from vtbook.neighbours import (
+    HeadsSettings,
+    HierarchicalSettings,
+    IVONSettings,
+    LangevinSettings,
+    RegressionSettings,
+)
+from vtlib.baselines import DDQNSettings, FineTuning, MellowTDSettings
+from vtlib.experiments.experiment import Algorithm, Experiment
+from vtlib.experiments.store import returns
+from vtlib.rng import generator
+from vtlib.transfer import Settings
+
+BUDGET, TUNING_RUNS, RUNS = 8, 8, 30
+
+_LEARNER = {"alpha": (3e-4, 1e-3, 3e-3), "epsilon_steps": (300, 1_000, 2_500)}
+_LAMBDA = {"lambda_": (1e-8, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2), "psi": (0.0, 0.5)}
+_VARIATIONAL = {**_LAMBDA, "alpha_mu": (3e-4, 1e-3, 3e-3), "alpha_L": (1e-4, 1e-3, 1e-2)}
+_HEADS = {"alpha": (3e-4, 1e-3, 3e-3), "heads": (5, 10), "psi": (0.0, 0.5)}
+_MIXTURE = {**_VARIATIONAL, "init": ("mean", "sources")}
+SPACES: dict[str, dict[str, tuple[Any, ...]]] = {
+    "NT": {**_LEARNER, "psi": (0.0, 0.5)},
+    "DDQN": {**_LEARNER, "target_every": (100, 500)},
+    "fine-tuned": {
+        "alpha": (3e-4, 1e-3, 3e-3),
+        "epsilon_start": (0.02, 0.2),
+        "psi": (0.0, 0.5),
+        "start": ("one", "mean"),
+    },
+    "GVT": {**_VARIATIONAL, "init": ("span", "sources")},
+    "1-MGVT": _MIXTURE,
+    "3-MGVT": _MIXTURE,
+    "hierarchical": _VARIATIONAL,
+    "IVON": {
+        **_LAMBDA,
+        "alpha": (3e-4, 1e-3, 3e-3),
+        "h0": (1e-3, 1e-1),
+        "beta2": (0.99, 0.999),
+        "clip": (1.0, 10.0),
+    },
+    "Langevin": {
+        **_LAMBDA,
+        "alpha": (3e-4, 1e-3, 3e-3),
+        "bias": (0.1, 1.0),
+        "prior": ("gaussian", "mixture"),
+    },
+    "heads": _HEADS,
+    "heads + prior": {**_HEADS, "prior_scale": (0.3, 1.0, 3.0)},
+    "regression": {
+        "noise": (1e-3, 1e-2, 1e-1, 1.0),
+        "every": (5, 20, 100),
+        "jitter": (1e-4, 1e-2),
+        "alpha": (3e-4, 1e-3, 3e-3),
+    },
+}
+
+
+@frozen
+class Compared:
+    """An environment in which algorithms are compared over so many iterations of an experiment.
+
+    floor: the return of an agent that never does what the task asks, which counts as nothing.
+    chosen: the number of each algorithm's best candidate, in the order of `SPACES`. diverged:
+    candidates that were tried and whose weights did not stay finite; they are out.
+    """
+
+    title: str
+    experiment: Experiment
+    iterations: int
+    chosen: tuple[int, ...]
+    floor: float = 0.0
+    diverged: tuple[str, ...] = ()
+
+    def earned(self, experiment: Experiment, label: str) -> np.ndarray:
+        """Stored learning returns (R,), averaged over all iterations, as shares of the optimum."""
+        stored = returns(experiment, label)
+        optimum = float(stored.optimum.mean())
+        mean = stored.learning.mean("iteration").values
+        return np.asarray((mean - self.floor) / (optimum - self.floor))
+
+    def default(self, label: str) -> Algorithm:
+        """An algorithm before it is tuned: as the thesis sets it, or as its own source does."""
+        given = self.experiment.algorithms
+        if label in ("GVT", "1-MGVT", "3-MGVT"):
+            return given[label]
+        mixture = given["1-MGVT"]
+        assert isinstance(mixture, Settings)
+        batch: dict[str, Any] = {"minibatch": mixture.minibatch}
+        learner = MellowTDSettings(epsilon_steps=int(0.35 * self.iterations), **batch)
+        weighted = {**batch, "lambda_": mixture.lambda_}
+        others: dict[str, Callable[[], Any]] = {
+            "NT": lambda: learner,
+            "DDQN": lambda: DDQNSettings(learner.epsilon_steps, **batch),
+            "fine-tuned": lambda: FineTuning(evolve(learner, epsilon_start=0.02), "mean"),
+            "hierarchical": lambda: HierarchicalSettings(
+                family="gaussian",
+                n_samples=mixture.n_samples,
+                alpha_L=mixture.alpha_L,
+                **weighted,
+            ),
+            "IVON": lambda: IVONSettings(**weighted),
+            "Langevin": lambda: LangevinSettings(**weighted),
+            "heads": lambda: HeadsSettings(**batch),
+            "heads + prior": lambda: HeadsSettings(prior_scale=1.0, **batch),
+            "regression": lambda: RegressionSettings(**batch),
+        }
+        default: Algorithm = others[label]()
+        return default
+
+    def candidates(self, label: str) -> list[Algorithm]:
+        """The settings among which an algorithm is tuned, its default first."""
+        default = self.default(label)
+        return [default, *(changed(default, values) for values in drawn(label))]
+
+    def tuning(self) -> Experiment:
+        """All candidates of all algorithms, on tasks of their own."""
+        name = f"{self.experiment.name}-tuning"
+        each = {x: self.candidates(x) for x in SPACES}
+        algorithms = {candidate(x, k): one for x in each for k, one in enumerate(each[x])}
+        stayed = {x: one for x, one in algorithms.items() if x not in self.diverged}
+        return self._runs(name, stayed, TUNING_RUNS)
+
+    def judged(self) -> Experiment:
+        """Each algorithm with the setting that was chosen for it, on other tasks."""
+        chosen = zip(SPACES, self.chosen, strict=True)
+        algorithms = {x: self.candidates(x)[k] for x, k in chosen}
+        return self._runs(f"{self.experiment.name}-compared", algorithms, RUNS)
+
+    def _runs(self, name: str, algorithms: Mapping[str, Algorithm], runs: int) -> Experiment:
+        return evolve(
+            self.experiment,
+            name=name,
+            stream=name,
+            algorithms=algorithms,
+            runs=runs,
+            iterations=self.iterations,
+            every=50,
+            runs_per_task=1,
+        )
+
+
+def candidate(label: str, number: int) -> str:
+    """The name under which a candidate is stored; number 0 is the default."""
+    return f"{label}, setting {number}"
+
+
+def drawn(label: str) -> list[dict[str, Any]]:
+    """The settings drawn from an algorithm's space, the same in all environments."""
+    space = SPACES[label]
+    every = list(itertools.product(*space.values()))
+    chosen = generator("tuning", 0, label).choice(len(every), BUDGET - 1, replace=False)
+    return [dict(zip(space, every[at], strict=True)) for at in chosen]
+
+
+def changed(default: Algorithm, values: dict[str, Any]) -> Algorithm:
+    """An algorithm with other settings, fine-tuning's own or its learner's."""
+    if isinstance(default, FineTuning):
+        own = {"start": values["start"]}
+        learner = {x: value for x, value in values.items() if x not in own}
+        return evolve(default, learner=evolve(default.learner, **learner), **own)
+    other: Algorithm = evolve(cast(Any, default), **values)
+    return other
+
+
+# The numbers of the best are what the stored runs of `tuning` say, and a test holds them to it.
+ENVIRONMENTS = (
+    Compared(
+        "three rooms",
+        ROOMS_EVALUATION.published,
+        iterations=3_000,
+        chosen=(0, 0, 6, 1, 2, 4, 0, 5, 4, 6, 3, 7),
+    ),
+    Compared(
+        "rooms, other doors",
+        ROOMS_CHANGE.published,
+        iterations=3_000,
+        chosen=(5, 1, 3, 6, 3, 4, 0, 5, 4, 6, 3, 0),
+    ),
+    Compared(
+        "cartpole",
+        CARTPOLE.published,
+        iterations=1_500,
+        chosen=(2, 2, 2, 1, 5, 3, 0, 1, 0, 4, 0, 2),
+        diverged=("Langevin, setting 5",),
+    ),
+)
+EXPERIMENTS = (
+    *(one.tuning() for one in ENVIRONMENTS),
+    *(one.judged() for one in ENVIRONMENTS),
+)

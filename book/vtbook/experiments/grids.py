@@ -1,0 +1,79 @@
+"""Grids of settings around the thesis', over which a page has sliders."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Mapping, Sequence
+
+from attrs import evolve
+
+from vtlib.checks import check_one_of, check_positive
+from vtlib.experiments.experiment import Experiment
+from vtlib.transfer import Settings
+
+PSIS = (0.0, 0.5, 1.0)
+POSTERIORS = ("GVT", "1-MGVT", "2-MGVT", "3-MGVT")
+
+
+def slider_lambdas(base: Settings) -> tuple[float, ...]:
+    """Five powers of ten around the lambda of the thesis' setting, which must not be 0."""
+    check_positive("lambda_", base.lambda_)
+    middle = round(math.log10(base.lambda_))
+    return tuple(float(f"1e{middle + step}") for step in (-2, -1, 0, 1, 2))
+
+
+def count_name(algorithm: str, count: int) -> str:
+    """The name under which an algorithm with so many sources is stored."""
+    return f"{algorithm}-from-{count}"
+
+
+def slider_name(lambda_: float, psi: float, posterior: str) -> str:
+    """The name under which one setting of the sliders is stored."""
+    return f"{posterior}-lambda-{lambda_:.0e}-psi-{psi:g}"
+
+
+def slider_settings(
+    thesis: Mapping[str, Settings], lambda_: float, psi: float, posterior: str
+) -> Settings:
+    """One setting of the sliders around the thesis' of "GVT" and "1-MGVT"."""
+    if posterior == "GVT":
+        return evolve(thesis["GVT"], lambda_=lambda_, psi=psi)
+    components = int(posterior.removesuffix("-MGVT"))
+    return evolve(thesis["1-MGVT"], lambda_=lambda_, psi=psi, components=components)
+
+
+def slider_thesis(experiment: Experiment) -> dict[str, Settings]:
+    """The thesis' settings around which sliders move; ValueError when an experiment lacks one."""
+    for label in ("GVT", "1-MGVT"):
+        check_one_of("the sliders' algorithm", label, experiment.algorithms)
+    return {label: experiment.transfer_settings(label) for label in ("GVT", "1-MGVT")}
+
+
+def sliders_of(
+    experiment: Experiment,
+    name: str,
+    runs: int,
+    iterations: int,
+    lambdas: Sequence[float] | None = None,
+    psis: Sequence[float] = PSIS,
+    posteriors: Sequence[str] = POSTERIORS,
+) -> Experiment:
+    """The settings of the sliders around GVT and 1-MGVT, on an experiment's first runs or tasks.
+
+    lambdas, psis, posteriors: those of the sliders; lambdas are ``slider_lambdas`` of 1-MGVT by
+    default. Raises ValueError when the experiment lacks GVT or 1-MGVT.
+    """
+    thesis = slider_thesis(experiment)
+    lambdas = lambdas or slider_lambdas(thesis["1-MGVT"])
+    return evolve(
+        experiment,
+        name=name,
+        algorithms={
+            slider_name(*setting): slider_settings(thesis, *setting)
+            for setting in itertools.product(lambdas, psis, reversed(posteriors))
+        },
+        runs=runs,
+        iterations=iterations,
+        runs_per_task=1,
+    )

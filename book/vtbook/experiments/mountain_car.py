@@ -1,0 +1,80 @@
+"""The mountain car experiments (section 6.2.2) with the parameters of appendix A.2.2."""
+
+from __future__ import annotations
+
+from attrs import evolve
+
+from vtbook.experiments.grids import slider_lambdas, sliders_of
+from vtbook.experiments.protocols import Protocols, as_published, fine_tuning, transfer
+from vtlib.baselines import DDQNSettings, MellowTDSettings
+from vtlib.envs.mountain_car import MountainCarFamily
+from vtlib.experiments.experiment import Experiment, Pool
+from vtlib.transfer import Settings
+
+ITERATIONS, SOURCE_ITERATIONS = 40_000, 50_000
+FLOOR = -(1 - 0.99**200) / (1 - 0.99)  # the return of an episode that never arrives
+CARS = Pool(
+    "mountain-car-sources",
+    MountainCarFamily(last_reward=-1.0),
+    count=50,
+    iterations=SOURCE_ITERATIONS,
+    limit=300_000,
+    check_every=10_000,
+    episodes=200,
+    settings=DDQNSettings(epsilon_steps=int(0.15 * SOURCE_ITERATIONS), minibatch=32),
+)
+GVT = Settings(family="gaussian", lambda_=1e-5, minibatch=500, alpha_L=1e-4)
+MGVT = evolve(GVT, family="mixture")
+DDQN = DDQNSettings(epsilon_steps=int(0.15 * ITERATIONS), minibatch=32)
+
+_PUBLISHED = Experiment(
+    name="mountain-car",
+    pool=CARS,
+    family=CARS.family,
+    algorithms={
+        **transfer(as_published(GVT), as_published(MGVT)),
+        "DDQN": DDQN,
+        **fine_tuning(DDQN),
+    },
+    iterations=ITERATIONS,
+    every=200,
+    each=True,
+)
+CAR = Protocols(
+    _PUBLISHED,
+    evolve(
+        _PUBLISHED,
+        name="mountain-car-equations",
+        pool=evolve(CARS, name="mountain-car-sources-equations", family=MountainCarFamily()),
+        family=MountainCarFamily(),
+        algorithms={**transfer(GVT, MGVT), "DDQN": DDQN},
+        each=False,
+    ),
+)
+# GVT's samples scatter ever more widely; smaller steps on L should keep them together.
+CAR_STEPS = evolve(
+    CAR.published,
+    name="mountain-car-steps",
+    algorithms={
+        f"GVT, steps of {alpha:g}": evolve(as_published(GVT), alpha_L=alpha)
+        for alpha in (1e-5, 1e-6)
+    },
+    iterations=10_000,
+)
+# The mixtures' learner without any source: what their lead over DDQN owes to transfer.
+CAR_NOTHING = evolve(
+    CAR.published,
+    name="mountain-car-no-transfer",
+    algorithms={"NT": MellowTDSettings(epsilon_steps=DDQN.epsilon_steps, minibatch=500)},
+)
+# Nobody had checked the published sources: they are what so many iterations leave.
+CAR_UNCHECKED = evolve(
+    CAR.published,
+    name="mountain-car-unchecked",
+    pool=evolve(CARS, name="mountain-car-sources-unchecked", limit=SOURCE_ITERATIONS),
+    algorithms={"GVT": as_published(GVT)},
+)
+CAR_LAMBDAS = slider_lambdas(MGVT)[::2]  # fewer than elsewhere: these are the longest runs
+CAR_SLIDERS = sliders_of(CAR.published, "mountain-car-sliders", 10, 2_000, CAR_LAMBDAS)
+
+EXPERIMENTS = (*CAR, CAR_NOTHING, CAR_STEPS, CAR_UNCHECKED, CAR_SLIDERS)

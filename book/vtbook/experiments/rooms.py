@@ -1,0 +1,249 @@
+"""The rooms experiments (section 6.1) with the parameters of appendix A.1, in both protocols."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from attrs import evolve
+
+from vtbook.experiments.grids import count_name, sliders_of
+from vtbook.experiments.protocols import (
+    FINE_TUNED,
+    FINE_TUNED_GREEDY,
+    Protocols,
+    as_published,
+    fine_tuning,
+    transfer,
+)
+from vtbook.probes import CoverageProbe
+from vtlib.baselines import MellowTDSettings
+from vtlib.envs.rooms import RoomsFamily
+from vtlib.experiments.experiment import Experiment, Pool
+from vtlib.transfer import Settings
+
+ITERATIONS = 20_000
+PUBLISHED_BUFFER = 50_000
+NT = MellowTDSettings(epsilon_steps=14_000)
+# A learner that hardly explores: what its start knows is all that it has.
+NT_GREEDY = evolve(NT, epsilon_start=NT.epsilon_end)
+GVT = Settings(family="gaussian", lambda_=1e-4)
+MGVT = Settings(family="mixture", lambda_=1e-6)
+PUBLISHED_GVT = evolve(as_published(GVT), lambda_=1e-3, buffer=PUBLISHED_BUFFER)
+PUBLISHED_MGVT = evolve(as_published(MGVT), buffer=PUBLISHED_BUFFER)
+
+
+def _protocols(
+    name: str,
+    pool: Pool,
+    family: RoomsFamily,
+    *counts: int,
+    nt: MellowTDSettings = NT,
+    fine: bool = True,
+    **fields: Any,
+) -> Protocols:
+    """An experiment as published and by the equations, with mixtures of so many components.
+
+    The frontier of the rooms lets agents slide in the published code, and stops them in the text.
+    Fine-tuning, which the thesis does not have, runs as published.
+    """
+    slides = pool.family
+    assert isinstance(slides, RoomsFamily)
+    published = Experiment(
+        name,
+        pool,
+        family,
+        {
+            **transfer(PUBLISHED_GVT, PUBLISHED_MGVT, counts),
+            "NT": nt,
+            **(fine_tuning(NT) if fine else {}),
+        },
+        each=True,
+        **{"iterations": ITERATIONS, **fields},
+    )
+    stopped = evolve(pool, name=f"{pool.name}-equations", family=evolve(slides, stops=True))
+    equations = evolve(
+        published,
+        name=f"{name}-equations",
+        pool=stopped,
+        family=evolve(family, stops=True),
+        algorithms={**transfer(GVT, MGVT, counts), "NT": nt},
+        each=False,
+    )
+    return Protocols(published, equations)
+
+
+THREE_ROOMS = Pool("rooms-3-sources", RoomsFamily(rooms=3))
+ROOMS_EVALUATION = _protocols("rooms-evaluation", THREE_ROOMS, RoomsFamily(rooms=3), 3)
+
+# Half as far as the figure: the thesis compares GVT and 1-MGVT at 5,000 iterations.
+INGREDIENT_ITERATIONS = 5_000
+# From the published settings to those of the equations, one ingredient at a time; and one lambda.
+ROOMS_INGREDIENTS = evolve(
+    ROOMS_EVALUATION.published,
+    name="rooms-ingredients",
+    algorithms={
+        "GVT": PUBLISHED_GVT,
+        "GVT, no clip": evolve(PUBLISHED_GVT, kl_clip=None),
+        "GVT, from the prior": evolve(PUBLISHED_GVT, init="sources"),
+        "GVT, covariance with n": evolve(PUBLISHED_GVT, ddof=0),
+        "GVT, lambda 1e-4": evolve(PUBLISHED_GVT, lambda_=GVT.lambda_),
+        "GVT, lambda 1e-6": evolve(PUBLISHED_GVT, lambda_=MGVT.lambda_),
+        "GVT, from the prior, no clip": evolve(PUBLISHED_GVT, init="sources", kl_clip=None),
+        "1-MGVT": PUBLISHED_MGVT,
+        "1-MGVT, from a source": evolve(PUBLISHED_MGVT, init="sources"),
+        "1-MGVT, exact responsibilities": evolve(PUBLISHED_MGVT, responsibilities="exact"),
+        "1-MGVT, full KL": evolve(PUBLISHED_MGVT, kl="full"),
+        "1-MGVT, lambda 1e-3": evolve(PUBLISHED_MGVT, lambda_=PUBLISHED_GVT.lambda_),
+    },
+    iterations=INGREDIENT_ITERATIONS,
+)
+# What remains of the published code's choices, and of numbers that the text leaves open.
+ROOMS_DEVIATIONS = evolve(
+    ROOMS_INGREDIENTS,
+    name="rooms-deviations",
+    algorithms={
+        "GVT, diagonal KL": evolve(PUBLISHED_GVT, kl="diagonal"),
+        "GVT, jitter 1e-6": evolve(PUBLISHED_GVT, jitter=1e-6),
+        "GVT, jitter 1e-2": evolve(PUBLISHED_GVT, jitter=1e-2),
+        "GVT, no clip at all": evolve(PUBLISHED_GVT, clip=None, kl_clip=None),
+        "1-MGVT, no clip at all": evolve(PUBLISHED_MGVT, clip=None),
+        "GVT, sigma_min 1e-2": evolve(PUBLISHED_GVT, sigma_min=1e-2),
+        "1-MGVT, sigma_min 1e-2": evolve(PUBLISHED_MGVT, sigma_min=1e-2),
+        "GVT, by the episode": evolve(PUBLISHED_GVT, act="episode"),
+        "1-MGVT, by the episode": evolve(PUBLISHED_MGVT, act="episode"),
+        "NT, epsilon over 7,000": evolve(NT, epsilon_steps=7_000),
+    },
+)
+# The same with the frontier of the text, and with sources that start where targets do.
+ROOMS_FRONTIER = evolve(
+    ROOMS_INGREDIENTS,
+    name="rooms-frontier",
+    pool=ROOMS_EVALUATION.equations.pool,
+    family=ROOMS_EVALUATION.equations.family,
+    algorithms={"GVT": PUBLISHED_GVT, "1-MGVT": PUBLISHED_MGVT},
+)
+ROOMS_CORNER = evolve(
+    ROOMS_FRONTIER,
+    name="rooms-corner-sources",
+    family=THREE_ROOMS.family,
+    # from the corner chance rarely leads to the goal: these count as they are
+    pool=evolve(
+        THREE_ROOMS,
+        name="rooms-3-corner-sources",
+        limit=THREE_ROOMS.iterations,
+        as_targets=True,
+    ),
+)
+
+FIXED_LOWER = 5.0  # where the lower door of every source is, in section 6.1.2
+ROOMS_CHANGE = _protocols(
+    "rooms-distribution-change",
+    Pool("rooms-3-fixed-lower-sources", RoomsFamily(rooms=3, fixed_lower=FIXED_LOWER)),
+    RoomsFamily(rooms=3),
+    3,
+)
+TWO_ROOMS = Pool("rooms-2-sources", RoomsFamily(rooms=2))
+ROOMS_EXPLORATION = _protocols(
+    "rooms-exploration",
+    TWO_ROOMS,
+    RoomsFamily(rooms=2, fixed_lower=5.0),
+    # NT explores for the same share of the run as above
+    nt=evolve(NT, epsilon_steps=1_400),
+    iterations=2_000,
+    visits=True,
+)
+
+LIKELIHOOD_DOORS = (5.0, 1.8)  # mean and standard deviation of the door, in section 6.1.4
+NORMAL = RoomsFamily(rooms=2, normal=LIKELIHOOD_DOORS)
+ROOMS_LIKELIHOOD = _protocols(
+    "rooms-likelihood",
+    Pool("rooms-2-normal-sources", NORMAL),
+    NORMAL,
+    runs=400,
+    runs_per_task=20,
+    iterations=4_000,
+)
+# The published targets are no draws: their doors are half a unit apart.
+ROOMS_LIKELIHOOD = ROOMS_LIKELIHOOD._replace(
+    published=evolve(ROOMS_LIKELIHOOD.published, family=RoomsFamily(rooms=2, ladder=19), runs=380)
+)
+
+SOURCE_COUNTS = tuple(range(2, 11))
+
+
+def _by_count(experiment: Experiment, numbers: Sequence[int] = SOURCE_COUNTS) -> Experiment:
+    """Every algorithm that knows how many sources there are, with each number of them."""
+    counted = {
+        label: one
+        for label, one in experiment.algorithms.items()
+        if one.transfers and label not in (FINE_TUNED, FINE_TUNED_GREEDY)
+    }
+    return evolve(
+        experiment,
+        algorithms={count_name(x, n): one for x, one in counted.items() for n in numbers},
+        counts={count_name(x, n): n for x in counted for n in numbers},
+    )
+
+
+_COUNTED = _protocols(
+    "rooms-number-of-sources", TWO_ROOMS, RoomsFamily(rooms=2), 2, iterations=1_950, every=50
+)
+ROOMS_SOURCES = Protocols(*map(_by_count, _COUNTED))
+
+# The published lambda of mixtures and that of GVT, the text's between them, and one on each side.
+ROOMS_LAMBDAS = (1e-8, 1e-6, 1e-4, 1e-3, 1e-2)
+ROOMS_EVALUATION_SLIDERS = sliders_of(
+    ROOMS_EVALUATION.published, "rooms-evaluation-sliders", 10, 3_000, ROOMS_LAMBDAS
+)
+ROOMS_CHANGE_SLIDERS = sliders_of(
+    ROOMS_CHANGE.published, "rooms-distribution-change-sliders", 10, 5_000, ROOMS_LAMBDAS
+)
+ROOMS_EXPLORATION_SLIDERS = evolve(
+    sliders_of(ROOMS_EXPLORATION.published, "rooms-exploration-sliders", 10, 2_000, ROOMS_LAMBDAS),
+    visits=False,
+)
+# One run at each of the published doors.
+ROOMS_LIKELIHOOD_SLIDERS = sliders_of(
+    ROOMS_LIKELIHOOD.published, "rooms-likelihood-sliders", 19, 2_000, ROOMS_LAMBDAS
+)
+SLIDER_COUNTS = (2, 5, 10)
+ROOMS_SOURCES_SLIDERS = _by_count(
+    sliders_of(_COUNTED.published, "rooms-number-of-sources-sliders", 10, 1_950, ROOMS_LAMBDAS),
+    SLIDER_COUNTS,
+)
+
+ROOMS_CALIBRATION = evolve(
+    ROOMS_EVALUATION.published,
+    name="rooms-calibration",
+    algorithms={
+        "3-MGVT": evolve(PUBLISHED_MGVT, components=3),
+        "GVT": PUBLISHED_GVT,
+        "GVT, lambda 1e-6": evolve(PUBLISHED_GVT, lambda_=MGVT.lambda_),
+        "1-MGVT": PUBLISHED_MGVT,
+        "GVT, equations": GVT,
+        "1-MGVT, equations": MGVT,
+    },
+    iterations=10_000,
+    every=500,
+    probes=500,
+    probe=CoverageProbe,
+)
+
+EXPERIMENTS = (
+    *ROOMS_EVALUATION,
+    *ROOMS_CHANGE,
+    *ROOMS_EXPLORATION,
+    *ROOMS_LIKELIHOOD,
+    *ROOMS_SOURCES,
+    ROOMS_INGREDIENTS,
+    ROOMS_DEVIATIONS,
+    ROOMS_FRONTIER,
+    ROOMS_CORNER,
+    ROOMS_CALIBRATION,
+    ROOMS_EVALUATION_SLIDERS,
+    ROOMS_CHANGE_SLIDERS,
+    ROOMS_EXPLORATION_SLIDERS,
+    ROOMS_LIKELIHOOD_SLIDERS,
+    ROOMS_SOURCES_SLIDERS,
+)

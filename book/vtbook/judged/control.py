@@ -1,0 +1,121 @@
+"""The claims of section 6.2, of the classic tasks."""
+
+from __future__ import annotations
+
+from vtbook.claims import EARLY, MIXTURES, OPTIMAL, TRANSFER, Claim, Figure
+from vtbook.experiments.cartpole import CARTPOLE
+from vtbook.experiments.mountain_car import CAR, FLOOR
+
+
+def cartpole() -> list[Claim]:
+    """Section 6.2.1, Figure 6.8."""
+    figure, end = Figure(CARTPOLE._asdict(), "cartpole"), 8_900
+    return [
+        *(
+            figure.claim(
+                f"{x} starts near the optimum.",
+                f"learning return at {EARLY}, of the optimum",
+                lambda a: a.share(EARLY),
+                x,
+                low=OPTIMAL,
+            )
+            for x in TRANSFER
+        ),
+        *(
+            figure.claim(
+                f"{x} converges quickly.",
+                "learning return at 2,000, of the optimum",
+                lambda a: a.share(2_000),
+                x,
+                low=OPTIMAL,
+            )
+            for x in TRANSFER
+        ),
+        *(
+            figure.claim(
+                f"The greedy curve of {x} moves mostly within the first 2,000 iterations.",
+                "mean change between evaluations until 2,000 by that afterwards",
+                lambda a: a.restlessness(2_000),
+                x,
+                low=1.0,
+            )
+            for x in TRANSFER
+        ),
+        *(
+            figure.claim(
+                f"{x} shows no negative transfer.",
+                f"{x} minus DDQN, averaged until {end:,}, of the optimum",
+                lambda a, b: a.gain_until(b, end),
+                x,
+                "DDQN",
+                low=0.0,
+            )
+            for x in TRANSFER
+        ),
+        *(
+            figure.claim(
+                f"{x} keeps what it has.",
+                f"learning return at {end:,}, of the optimum",
+                lambda a: a.share(end),
+                x,
+                low=OPTIMAL,
+                ours=True,
+            )
+            for x in TRANSFER
+        ),
+    ]
+
+
+def mountain_car() -> list[Claim]:
+    """Section 6.2.2, Figure 6.10; shares are of the way from never arriving to the optimum."""
+    figure, end = Figure(CAR._asdict(), "mountain-car", FLOOR), 39_600
+    return [
+        figure.claim(
+            "GVT has no significant advantage over DDQN.",
+            f"GVT minus DDQN, averaged until {end:,}, of the way to the optimum",
+            lambda a, b: a.gain_until(b, end),
+            "GVT",
+            "DDQN",
+            high=0.25,
+        ),
+        *(
+            figure.claim(
+                f"{x} learns faster than {other}.",
+                f"{x} minus {other}, averaged until {end:,}, of the way to the optimum",
+                lambda a, b: a.gain_until(b, end),
+                x,
+                other,
+                low=0.0,
+            )
+            for x in MIXTURES
+            for other in ("GVT", "DDQN")
+        ),
+        *(
+            figure.claim(
+                f"{x} converges to the optimum.",
+                f"learning return at {end:,}, of the way to the optimum",
+                lambda a: a.share(end),
+                x,
+                low=OPTIMAL,
+            )
+            for x in MIXTURES
+        ),
+        *(
+            figure.claim(
+                f"The jump-start of {x} is not great.",
+                "learning return at 600, of the way to the optimum",
+                lambda a: a.share(600),
+                x,
+                high=0.6,
+            )
+            for x in MIXTURES
+        ),
+        figure.claim(
+            "Nor is there negative transfer by GVT.",
+            f"GVT minus DDQN, averaged until {end:,}, of the way to the optimum",
+            lambda a, b: a.gain_until(b, end),
+            "GVT",
+            "DDQN",
+            low=0.0,
+        ),
+    ]

@@ -1,0 +1,26 @@
+"""Panels that run in the reader's browser: a template, a style and a script, filled in."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from string import Template
+from typing import Any
+
+STATIC = Path(__file__).resolve().parents[1] / "_static"
+
+
+def panel(name: str, setup: Mapping[str, Any], **shown: str | int) -> str:
+    """HTML of a panel in ``book/_static``: where its script starts, and what its template names."""
+    return Template(static(f"{name}.html")).substitute(
+        style=static(f"{name}.css"),
+        script=static(f"{name}.js"),
+        setup=json.dumps(setup, separators=(",", ":")).replace("<", "\\u003c"),  # as HTML wants it
+        **shown,
+    )
+
+
+def static(name: str) -> str:
+    """The text of a file of ``book/_static``."""
+    return (STATIC / name).read_text(encoding="utf-8")

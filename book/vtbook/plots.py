@@ -1,0 +1,257 @@
+"""One look for every figure: a colour per algorithm, bands for intervals, the optimum dashed."""
+
+from __future__ import annotations
+
+import io
+from base64 import b64encode
+from collections.abc import Mapping
+from functools import partial
+from html import escape
+from types import MappingProxyType
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+from attrs import frozen
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.typing import LineStyleType
+from PIL import Image
+from xarray import Dataset
+
+from vtbook.costs import steps_to_solve
+from vtbook.published import PublishedCurve
+from vtlib.stats import Interval, mean_interval
+
+# Okabe and Ito's palette, told apart with any colour vision.
+COLOURS = {
+    "NT": "#6b6b6b",
+    "DDQN": "#332288",
+    "GVT": "#0072B2",
+    "1-MGVT": "#D55E00",
+    "2-MGVT": "#CC79A7",
+    "3-MGVT": "#009E73",
+    "fine-tuned": "#6c4824",
+    "fine-tuned, greedy": "#E69F00",
+    "fine-tuned mean": "#56B4E9",
+}
+PUBLISHED = "#8a8a8a"
+OPTIMUM = "#1a1a1a"
+KINDS = MappingProxyType({"learning return": "learning", "greedy return": "greedy"})
+# Line styles tell curves apart in print, and variants of one algorithm from it.
+STYLES: dict[str, LineStyleType] = {
+    "NT": (0, (1, 1)),
+    "DDQN": (0, (3, 1, 1, 1, 1, 1)),
+    "GVT": (0, (5, 1.5)),
+    "2-MGVT": "-.",
+    "3-MGVT": (0, (6, 1, 1, 1)),
+    "fine-tuned": (0, (2, 1)),
+    "fine-tuned, greedy": (0, (2, 1, 1, 1)),
+    "fine-tuned mean": (0, (8, 2)),
+}
+STYLE: dict[Any, Any] = {  # by matplotlib's names of its settings
+    "figure.facecolor": "white",
+    "figure.dpi": 110,
+    "savefig.dpi": 144,
+    "font.size": 10,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "grid.color": "#e4e4e4",
+    "grid.linewidth": 0.6,
+    "axes.axisbelow": True,
+    "legend.frameon": False,
+    "lines.linewidth": 1.8,
+    "axes.titlesize": 10,
+    "axes.titlelocation": "left",
+    "figure.constrained_layout.use": True,
+}
+
+
+class BookFigure(Figure):
+    """A figure that notebooks show by itself, without a plotting backend."""
+
+    def _repr_png_(self) -> bytes:
+        raw = io.BytesIO()
+        self.savefig(raw, format="png", dpi=STYLE["savefig.dpi"])
+        return raw.getvalue()
+
+
+look = partial(mpl.rc_context, STYLE)  # draw inside this context to get the book's look
+
+
+@frozen(eq=False)
+class Curve:
+    """Returns (R, T) of R runs at iterations (T,), drawn as one line with its band."""
+
+    label: str
+    iterations: np.ndarray
+    returns: np.ndarray
+    colour: str
+    style: LineStyleType = "-"
+
+
+def curve(label: str, algorithm: str, iterations: np.ndarray, returns: np.ndarray) -> Curve:
+    """A curve in its algorithm's colour and line style."""
+    return Curve(label, iterations, returns, COLOURS[algorithm], STYLES.get(algorithm, "-"))
+
+
+def draw_curves(ax: Axes, curves: list[Curve], optimum: float | None = None) -> None:
+    """Mean over runs with the 95 % interval shaded, and the planned optimum dashed."""
+    for one in curves:
+        band = mean_interval(one.returns)
+        ax.fill_between(one.iterations, band.low, band.high, color=one.colour, alpha=0.18, lw=0)
+        ax.plot(one.iterations, band.centre, color=one.colour, ls=one.style, label=one.label)
+    if optimum is not None:
+        ax.axhline(optimum, color=OPTIMUM, ls="--", lw=1.1, label="planned optimum")
+    ax.set_xlabel("thousand iterations")
+    ax.xaxis.set_major_formatter(lambda x, _: f"{x / 1000:g}")
+    ax.set_xlim(0, curves[0].iterations[-1])
+
+
+def learning_figure(
+    panels: Mapping[str, list[Curve]],
+    optimum: float,
+    limits: tuple[float, float],
+    title: str = "",
+    width: float = 7.6,
+) -> Figure:
+    """Panels side by side, such as learning and greedy return, with one legend below."""
+    figure = BookFigure(figsize=(width, 3.5))
+    axes = figure.subplots(1, len(panels), sharey=True, squeeze=False)[0]
+    for ax, (name, curves) in zip(axes, panels.items(), strict=True):
+        draw_curves(ax, curves, optimum)
+        ax.set_title(name)
+        ax.set_ylim(*limits)
+    axes[0].set_ylabel("discounted return")
+    handles, labels = axes[0].get_legend_handles_labels()
+    figure.legend(
+        handles, labels, loc="outside lower center", ncols=len(labels) if len(labels) < 6 else 3
+    )
+    if title:
+        figure.suptitle(title, x=0.01, ha="left", fontsize=10)
+    return figure
+
+
+def panels(runs: Mapping[str, Dataset], kinds: Mapping[str, str] = KINDS) -> dict[str, list[Curve]]:
+    """A panel of each algorithm's curves for each of its returns' kinds, by the panel's name."""
+    return {
+        title: [
+            curve(label, label, stored.iteration.values, stored[kind].values)
+            for label, stored in runs.items()
+        ]
+        for title, kind in kinds.items()
+    }
+
+
+def returns_figure(
+    runs: Mapping[str, Dataset],
+    limits: tuple[float, float],
+    kinds: Mapping[str, str] = KINDS,
+    title: str = "",
+    width: float = 7.6,
+) -> Figure:
+    """Returns {algorithm: stored ones} with the mean optimum dashed; limits of their axis.
+
+    width: in inches.
+    """
+    with look():
+        return learning_figure(panels(runs, kinds), mean_optimum(runs), limits, title, width)
+
+
+def draw_over_published(
+    ax: Axes, stored: Dataset, theirs: PublishedCurve, kind: str, label: str, floor: float = 0.0
+) -> None:
+    """One algorithm's mean and band over the published in grey, and every run while learning."""
+    at, values = stored.iteration.values, stored[kind].values
+    if kind == "learning":
+        ax.plot(at, values.T, color=COLOURS[label], lw=0.4, alpha=0.3)
+        solved = int(np.isfinite(steps_to_solve(stored, floor)).sum())
+        words = f"{solved} of {len(values)} solved"
+        ax.annotate(words, (0.97, 0.06), xycoords="axes fraction", ha="right", size=8)
+    ax.fill_between(theirs.iterations, theirs.low, theirs.high, color=PUBLISHED, alpha=0.4, lw=0)
+    ax.plot(theirs.iterations, theirs.mean, color="black", lw=0.9)
+    draw_curves(ax, [Curve(label, at, values, COLOURS[label])], float(stored.optimum.mean()))
+
+
+def over_published(
+    runs: Mapping[str, Dataset],
+    printed: Mapping[str, Mapping[str, PublishedCurve]],
+    limits: tuple[float, float],
+    floor: float = 0.0,
+) -> Figure:
+    """Each algorithm's mean and band over the published ones in grey, and every run while learning.
+
+    printed: {kind: {algorithm: curve}}, kinds "learning" and "greedy"; a row of panels for each.
+    Beside the runs stands how many have ever earned nine tenths of their optimum above the floor.
+    """
+    labels = [x for x in runs if x in printed["learning"]]
+    with look():
+        figure = BookFigure(figsize=(7.6, 4.4))
+        axes = figure.subplots(2, len(labels), sharex=True, sharey=True, squeeze=False)
+        for row, (name, kind) in zip(axes, KINDS.items(), strict=True):
+            for ax, label in zip(row, labels, strict=True):
+                draw_over_published(ax, runs[label], printed[kind][label], kind, label, floor)
+                ax.set_xlabel("")
+            row[0].set_ylabel(name)
+            row[0].set_ylim(*limits)
+        for ax, label in zip(axes[0], labels, strict=True):
+            ax.set_title(label, color=COLOURS[label])
+        figure.supxlabel("thousand iterations", fontsize=10)
+        return figure
+
+
+def intervals_figure(
+    groups: Mapping[str, Mapping[str, Interval]], xlabel: str, colours: Mapping[str, str]
+) -> Figure:
+    """Numbers with their intervals, one below the other, a panel for each group.
+
+    The first of a group is the one that others are compared with: a line marks it.
+    """
+    with look():
+        rows = max(len(group) for group in groups.values())
+        figure = BookFigure(figsize=(7.6, 1.0 + 0.26 * rows))
+        axes = figure.subplots(1, len(groups), sharex=True, squeeze=False)[0]
+        for ax, (name, group) in zip(axes, groups.items(), strict=True):
+            for y, one in enumerate(group.values()):
+                ax.plot([one.low, one.high], [y, y], color=colours[name], lw=1.4)
+                ax.plot(one.centre, y, "o", color=colours[name], ms=5)
+            first = next(iter(group.values()))
+            ax.axvline(float(first.centre), color=colours[name], lw=0.8, ls=":")
+            ax.set_yticks(range(len(group)), list(group))
+            ax.invert_yaxis()
+            ax.set_title(name)
+            ax.set_xlabel(xlabel)
+        return figure
+
+
+def mean_optimum(runs: Mapping[str, Dataset]) -> float:
+    """The mean planned optimum of algorithms that run on the same tasks."""
+    return float(next(iter(runs.values())).optimum.mean())
+
+
+def power_of_ten(value: float) -> str:
+    """A power of ten with its exponent raised, such as 10⁻⁶."""
+    exponent = str(round(np.log10(value)))
+    return "10" + exponent.translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
+
+
+def small_png(figure: Figure, colours: int = 64) -> bytes:
+    """The figure as a PNG with a palette: a tenth of the bytes, for pages with many pictures."""
+    # drawn once; saving as a PNG first would draw it twice and encode it for nothing
+    figure.set_dpi(STYLE["savefig.dpi"])
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()
+    picture = (
+        Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB").quantize(colours, kmeans=1)
+    )
+    out = io.BytesIO()
+    picture.save(out, format="png", optimize=True)
+    return out.getvalue()
+
+
+def image_html(png: bytes, alt: str) -> str:
+    """An <img> element that carries its picture and its description."""
+    source = f"data:image/png;base64,{b64encode(png).decode()}"
+    return f'<img alt="{escape(alt)}" style="max-width: 100%" src="{source}">'

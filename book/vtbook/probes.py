@@ -1,0 +1,119 @@
+"""What is looked at while posteriors learn: their coverage in rooms, their stability elsewhere."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from vtbook.coverage import inside, posterior_samples, values_at
+from vtlib.envs.base import Tasks
+from vtlib.envs.rooms.plan import plan_rooms
+from vtlib.envs.rooms.tasks import SIDE, Rooms
+from vtlib.experiments.experiment import Experiment
+from vtlib.rng import Rng
+from vtlib.stability import largest_step, steepest
+from vtlib.td import mellowmax
+from vtlib.training import Agent
+from vtlib.transfer import VariationalTransfer
+
+SAMPLES = 400  # of each component's posterior
+FEWER = 50  # the same where only a standard deviation is asked for
+
+
+class Probe(ABC):
+    """Looks at an agent now and then; ``arrays`` are stored with the returns."""
+
+    def __init__(
+        self, experiment: Experiment, label: str, runs: Sequence[int], tasks: Tasks
+    ) -> None:
+        rng = Rng(experiment.stream, runs)
+        self._q, self._settings = experiment.family.q(), experiment.transfer_settings(label)
+        self._count, self._places = experiment.probes, rng.stream("probes")
+        self._noise = rng.stream("probe samples")
+        self._noted: list[dict[str, Tensor]] = []
+
+    def look(self, agent: Agent) -> None:
+        """Note what the agent is like now."""
+        assert isinstance(agent, VariationalTransfer)
+        self._noted.append(self._note(agent))
+
+    @abstractmethod
+    def _note(self, agent: VariationalTransfer) -> dict[str, Tensor]:
+        """What is to be stored of the agent now."""
+
+    def _samples(self, agent: VariationalTransfer, count: int) -> Tensor:
+        """So many weights from each component of the present posterior."""
+        runs, components, d = agent.mu.shape
+        noise = self._noise.normal(components * count * d).view(runs, components, count, d)
+        return posterior_samples(agent.mu.detach().cpu(), agent.scale_tril.cpu(), noise)
+
+    @property
+    def arrays(self) -> dict[str, np.ndarray]:
+        """What was noted at T looks, (R, T) or (R, T, ...)."""
+        names = self._noted[0]
+        return {name: torch.stack([x[name] for x in self._noted], 1).numpy() for name in names}
+
+
+class CoverageProbe(Probe):
+    """Random pairs of state and action of each run's task, looked at while the runs learn.
+
+    States are uniform in the square, actions uniform. There are two truths: the planned optimal
+    value, and the one planned with mellowmax, which is what the algorithms' TD errors ask for.
+    Noted are the shares inside (R, T, 2, levels), mean errors (R, T, 2) and how far apart the
+    components' means are (R, T), as a standard deviation of values, beside truths (R, 2).
+    """
+
+    def __init__(
+        self, experiment: Experiment, label: str, runs: Sequence[int], tasks: Tasks
+    ) -> None:
+        super().__init__(experiment, label, runs, tasks)
+        assert isinstance(tasks, Rooms), "only rooms are planned for every state"
+        u = self._places.uniform(3 * self._count).view(len(runs), self._count, 3)
+        self._obs = SIDE * u[..., :2]
+        self._action = (u[..., 2] * Rooms.n_actions).long()
+        kappas = None, self._settings.kappa
+        each = [[self._planned(tasks, i, kappa) for i in range(len(runs))] for kappa in kappas]
+        self._truths = torch.stack([torch.stack(rows) for rows in each])
+
+    def _planned(self, tasks: Rooms, index: int, kappa: float | None) -> Tensor:
+        # endless: a transition that the horizon cuts off is bootstrapped like any other
+        values = plan_rooms(tasks, index, None, kappa).q(self._obs[index])
+        return values.gather(1, self._action[index].unsqueeze(1)).squeeze(1)
+
+    def _note(self, agent: VariationalTransfer) -> dict[str, Tensor]:
+        values = values_at(self._q, self._samples(agent, SAMPLES), self._obs, self._action)
+        shares, off = inside(values, self._truths), (values.mean(1) - self._truths).mean(-1)
+        q = self._q.q(agent.mu.detach().cpu(), self._q.prepare(self._obs))
+        taken = self._action[:, None, None].expand(-1, q.shape[1], 1, -1)
+        apart = q.gather(2, taken).std(1, correction=0).mean((1, 2))
+        return {"inside": shares.transpose(0, 1), "off": off.T, "apart": apart}
+
+    @property
+    def arrays(self) -> dict[str, np.ndarray]:
+        """What was noted, and the mean truths."""
+        return {**super().arrays, "truth": self._truths.mean(-1).T.numpy()}
+
+
+class StabilityProbe(Probe):
+    """The posterior at remembered transitions: its mean's value, its spread, and its steps.
+
+    Noted are, each (R, T), the mellow value of the mean, the standard deviation of its samples'
+    values, averaged over states and actions, and the step on L over the largest stable one.
+    """
+
+    def _note(self, agent: VariationalTransfer) -> dict[str, Tensor]:
+        s, mu = self._settings, agent.mu.detach().cpu()
+        batch = agent.remembered(self._places.uniform(self._count))
+        x, steps = self._q.prepare(batch.obs), []
+        for c in range(mu.shape[1]):
+            eta, length = steepest(self._q, mu[:, c], batch, s.psi, s.gamma, s.kappa)
+            steps.append(s.alpha_L * eta / largest_step(length, s.n_samples))
+        return {
+            "value": mellowmax(self._q.q(mu, x), s.kappa, 2).mean((1, 2)),
+            "spread": self._q.q(self._samples(agent, FEWER), x).std(1).mean((1, 2)),
+            "step": torch.stack(steps).amax(0).float(),
+        }

@@ -1,0 +1,121 @@
+"""Sliders over stored settings: a picture of each, and in words what it comes to."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+
+from ipywidgets import VBox
+from xarray import Dataset
+
+from vtbook import widgets
+from vtbook.claims import Runs
+from vtbook.experiments.grids import count_name, slider_name
+from vtbook.plots import image_html, look, power_of_ten, returns_figure, small_png
+from vtlib.experiments import returns
+from vtlib.experiments.experiment import Experiment
+from vtlib.stats import Interval
+from vtlib.transfer import Settings
+
+LEARNING, NARROW = {"learning return": "learning"}, 5.6  # inches, to be read on a phone
+Setting = tuple[float, float, str]  # lambda, psi and the posterior, such as "3-MGVT"
+
+
+def setting_sliders(
+    grid: Experiment,
+    thesis: Mapping[str, Settings],
+    references: Callable[..., Mapping[str, Dataset]],
+    floor: float = 0.0,
+    counts: Sequence[int] = (),
+) -> VBox:
+    """Sliders over the stored settings of a grid, each a picture with a sentence above it.
+
+    thesis: the settings of "GVT" and "1-MGVT" in the thesis. references(): stored returns that are
+    drawn beside those of a setting, runs in the grid's order. floor: the return that counts as
+    nothing. counts: numbers of sources, a fourth slider, if the grid has them; references(count)
+    then tells by them.
+    """
+    settings = [x for x in grid.algorithms.values() if isinstance(x, Settings)]
+    labels = list(dict.fromkeys(x.split("-lambda-")[0] for x in grid.algorithms))
+    lambdas, psis = sorted({x.lambda_ for x in settings}), sorted({x.psi for x in settings})
+    axes = widgets.parameter_axes(thesis, lambdas, psis, sorted(labels, key=_components))
+    if counts:
+        numbers = [(f"{n}", n) for n in counts]
+        axes.append(widgets.Axis("sources", "number of sources", numbers, len(counts) - 1))
+
+    def stored(setting: Setting, count: Sequence[int]) -> Runs:
+        name = slider_name(*setting)
+        return Runs(returns(grid, count_name(name, *count) if count else name), floor)
+
+    def picture(lambda_: float, psi: float, posterior: str, *count: int) -> str:
+        own = thesis["GVT" if posterior == "GVT" else "1-MGVT"]
+        setting, usual = (lambda_, psi, posterior), (own.lambda_, own.psi, posterior)
+        mine, theirs = stored(setting, count), stored(usual, count)
+        words = setting_words(setting, usual, mine, theirs)
+        return f"<p>{words}</p>" + setting_picture(
+            references(*count), mine, setting, grid.family.limits
+        )
+
+    return widgets.still_sliders(axes, picture)
+
+
+def _components(label: str) -> int:
+    return 0 if label == "GVT" else int(label.removesuffix("-MGVT"))
+
+
+def setting_words(setting: Setting, usual: Setting, mine: Runs, theirs: Runs) -> str:
+    """What a setting earns, its distance from the thesis' setting, and what that means."""
+    end = int(mine.stored.iteration[-1])
+    earns = f"After {end:,} iterations: {_percent(mine.share(end))} of the optimum."
+    if setting == usual:
+        return f"{earns} This is the thesis' setting."
+    gap = mine.gain_until(theirs, end)
+    return (
+        f"{earns} Averaged over the run, {_percent(gap, '+')} against the thesis' setting: "
+        f"{meaning(setting, usual, gap)}."
+    )
+
+
+def meaning(setting: Setting, usual: Setting, gap: Interval) -> str:
+    """A difference from the thesis' setting in a few words."""
+    if gap.low <= 0 <= gap.high:
+        return "nothing that these runs could tell"
+    if gap.low > 0:
+        return "better here than the thesis' choice"
+    (lambda_, psi, _), (usual_lambda, usual_psi, _) = setting, usual
+    if psi == usual_psi:
+        return (
+            "held too close to its sources"
+            if lambda_ > usual_lambda
+            else "let go of its sources too soon"
+        )
+    if lambda_ == usual_lambda:
+        return f"{'more' if psi > usual_psi else 'less'} of the full gradient costs return here"
+    return "worse, and both λ and ψ have moved"
+
+
+def setting_picture(
+    references: Mapping[str, Dataset],
+    mine: Runs,
+    setting: Setting,
+    limits: tuple[float, float],
+) -> str:
+    """Learning returns with a setting over those of references, as an HTML picture."""
+    (lambda_, psi, posterior), stored = setting, mine.stored
+    runs = {label: first_runs(other, stored) for label, other in references.items()}
+    end = float(stored.learning[:, -1].mean())
+    alt = f"Learning return with lambda = {lambda_:.0e}, psi = {psi:g}, {posterior}; "
+    title = f"λ = {power_of_ten(lambda_)}, ψ = {psi:g}, {posterior}"
+    with look():
+        figure = returns_figure({**runs, posterior: stored}, limits, LEARNING, title, NARROW)
+        return image_html(small_png(figure, 24), f"{alt}final learning return {end:.2f}.")
+
+
+def first_runs(runs: Dataset, other: Dataset) -> Dataset:
+    """As many runs and iterations as another result has; both count from the same first run."""
+    sizes = other.learning.sizes
+    return runs.isel(run=slice(sizes["run"]), iteration=slice(sizes["iteration"]))
+
+
+def _percent(number: Interval, sign: str = "") -> str:
+    text = f"{number.centre:{sign}.0%} ({number.low:{sign}.0%} to {number.high:{sign}.0%})"
+    return text.replace("-", "−")

@@ -1,0 +1,205 @@
+"""Tables as HTML: claims with their verdicts, how a figure was computed, and robust numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from html import escape
+from typing import Any
+
+import attrs
+import numpy as np
+from xarray import Dataset
+
+from vtbook.claims import VERDICTS, Claim, Figure
+from vtbook.comparisons import bootstrap_interval, improvement_interval
+from vtbook.costs import Cost
+from vtbook.plots import power_of_ten
+from vtlib.experiments.experiment import Experiment
+from vtlib.rng import generator
+from vtlib.stats import Interval, mean_interval
+
+NO_BREAK = "\N{NO-BREAK SPACE}"
+Row = Sequence[str]
+
+
+def html_table(head: Row, rows: Iterable[Row]) -> str:
+    """A plain HTML table of text, which is escaped."""
+
+    def line(cells: Row, tag: str) -> str:
+        return "<tr>" + "".join(f"<{tag}>{escape(c)}</{tag}>" for c in cells) + "</tr>"
+
+    body = "".join(line(row, "td") for row in rows)
+    return f"<table><thead>{line(head, 'th')}</thead><tbody>{body}</tbody></table>"
+
+
+PROTOCOLS = {"published": "As published", "equations": "By the equations"}
+
+
+def claims_table(claims: Sequence[Claim]) -> str:
+    """Claims with what decides about them: the number, its bounds, and both protocols' verdicts."""
+    return _claims(map(_claim_row, claims))
+
+
+def scorecard_table(pages: Mapping[str, tuple[str, Sequence[Claim]]]) -> str:
+    """The claims of all pages below a link to each: {name of the page: (its title, its claims)}."""
+    rows = []
+    for page, (title, claims) in pages.items():
+        link = f"<a href='{escape(page)}.html#the-claims'>{escape(title)}</a>"
+        rows.append(f"<tr><th colspan='{2 + len(PROTOCOLS)}'>{link}</th></tr>")
+        rows += map(_claim_row, claims)
+    return _claims(rows)
+
+
+def _claims(rows: Iterable[str]) -> str:
+    heads = ["Claim, and the number that decides", *PROTOCOLS.values(), "Published curve"]
+    head = "".join(f"<th>{x}</th>" for x in heads)
+    body = f"<thead><tr>{head}</tr></thead><tbody>{''.join(rows)}</tbody>"
+    return f"<table class='claims'>{body}</table>"
+
+
+def _claim_row(claim: Claim) -> str:
+    # The first word of the verdict is a class, by which the book colours its cell.
+    cells = []
+    for protocol in PROTOCOLS:
+        if protocol not in claim.found:
+            cells.append("<td></td>")
+            continue
+        verdict = claim.verdict(protocol)
+        number = escape(_interval(claim.found[protocol]))
+        cells.append(
+            f"<td class='verdict {verdict.split()[0]}'>{verdict}<br><small>{number}</small></td>"
+        )
+    printed = "" if claim.printed is None else escape(_interval(claim.printed))
+    ours = " <em>(a claim of this book's)</em>" if claim.ours else ""
+    words = f"{escape(claim.text)}{ours}<br><small>{escape(claim.number)}: {claim.bounds}</small>"
+    return f"<tr><td>{words}</td>{''.join(cells)}<td><small>{printed}</small></td></tr>"
+
+
+def tally(claims: Iterable[Claim], protocol: str) -> dict[str, int]:
+    """How many claims of the thesis' own have each verdict in a protocol."""
+    found = [x.verdict(protocol) for x in claims if protocol in x.found and not x.ours]
+    return {verdict: found.count(verdict) for verdict in VERDICTS}
+
+
+def overlap_table(figures: Mapping[str, Figure]) -> str:
+    """Share of the iterations at which our interval meets the published one, for each curve."""
+
+    def share(figure: Figure, protocol: str, label: str, kind: str) -> str:
+        if protocol not in figure.protocols:
+            return "not run"
+        return f"{figure.overlap(protocol, label, kind):.0%}"
+
+    rows = [
+        [title, label, kind, *(share(figure, x, label, kind) for x in PROTOCOLS)]
+        for title, figure in figures.items()
+        for label in figure.printed
+        for kind in ("learning", "greedy")
+    ]
+    return html_table(["figure", "algorithm", "return", *PROTOCOLS.values()], rows)
+
+
+def cost_of_sources_table(costs: Mapping[str, Cost]) -> str:
+    """What sources cost each algorithm, and what they save of the steps of one task."""
+    head = ["algorithm", "steps on sources", "steps to solve a task", "without transfer"]
+    head += ["saved per task", "never solved", "tasks until it has paid"]
+    rows = [
+        [
+            label,
+            f"{one.sources:,.0f}",
+            f"{one.with_transfer.mean():,.0f}",
+            f"{one.without.mean():,.0f}",
+            f"{one.saved.centre:,.0f} ({one.saved.low:,.0f} to {one.saved.high:,.0f})",
+            f"{one.unsolved} of {len(one.with_transfer)}; without {one.unsolved_without}",
+            f"{one.tasks:.0f}" if np.isfinite(one.tasks) else "never",
+        ]
+        for label, one in costs.items()
+    ]
+    return html_table(head, rows)
+
+
+def settings_table(experiment: Experiment) -> str:
+    """Every parameter of every algorithm of an experiment, from the configuration it ran with."""
+    groups: dict[Any, list[str]] = {}
+    for label, algorithm in experiment.algorithms.items():
+        groups.setdefault(algorithm, []).append(label)
+    settings = [attrs.asdict(algorithm) for algorithm in groups]
+    names = dict.fromkeys(name for one in settings for name in one)
+    rows = [[name, *(_text(one.get(name)) for one in settings)] for name in names]
+    return html_table(["parameter", *map(_span, groups.values())], rows)
+
+
+def _span(labels: Sequence[str]) -> str:
+    return labels[0] if len(labels) == 1 else f"{labels[0]} to {labels[-1]}"
+
+
+def _text(value: object) -> str:
+    return "" if value is None else f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def cost_table(notes: Iterable[Mapping[str, Any]]) -> str:
+    """Seconds, machine and versions of stored results, from the provenance of each.
+
+    Algorithms of one owner with equal parameters share a row.
+    """
+    of_label = {(note["owner"], note["label"]): note for note in notes}
+    groups: dict[str, list[Mapping[str, Any]]] = {}
+    for (owner, label), note in of_label.items():
+        algorithm = note["config"].get("algorithm", label)
+        groups.setdefault(f"{owner} {algorithm}", []).append(note)
+    rows = [
+        [
+            f"{group[0]['owner']}/{_span([note['label'] for note in group])}",
+            f"{sum(note['seconds'] for note in group):.0f}",
+            group[0]["machine"]["processor"],
+            "torch {torch}, numpy {numpy}".format(**group[0]["machine"]),
+        ]
+        for group in groups.values()
+    ]
+    return html_table(["stored result", "seconds of one core", "processor", "versions"], rows)
+
+
+def robust_table(
+    experiment: Experiment, runs: Mapping[str, Dataset], iteration: int, against: str
+) -> str:
+    """Shares of the optimum at an iteration: mean, interquartile mean, chance of improvement.
+
+    runs: {label: stored returns}, against one of the labels. Intervals are Student's for the mean,
+    and otherwise from a bootstrap within tasks that is seeded by the label.
+    """
+    shares = {
+        x: (stored.learning.sel(iteration=iteration) / stored.optimum).values
+        for x, stored in runs.items()
+    }
+    each, rows = experiment.runs_per_task, []
+    strata = np.arange(len(shares[against])) // each if each > 1 else None
+    for label, share in shares.items():
+        rng = generator(experiment.name, 0, f"bootstrap {label} {iteration}")
+        middle = bootstrap_interval(share, rng, strata=strata)
+        better = improvement_interval(share, shares[against], rng, strata)
+        chance = "" if label == against else _interval(better)
+        rows.append([label, _interval(mean_interval(share)), _interval(middle), chance])
+    share_of = "mean share of the optimum", "interquartile mean"
+    return html_table(["algorithm", *share_of, f"P(better than {against})"], rows)
+
+
+def _interval(value: Interval) -> str:
+    return f"{value.centre:.2f} ({value.low:.2f} to {value.high:.2f})"
+
+
+def sweep_table(shares: Mapping[tuple[float, float], np.ndarray]) -> str:
+    """Mean share of the optimum with half the width of its 95 % interval: ψ down, λ across.
+
+    shares: {(lambda, psi): share (R,) of the optimum}, for each of some lambdas and psis.
+    """
+    lambdas, psis = (sorted({key[i] for key in shares}) for i in (0, 1))
+    head = ["", *(f"λ{NO_BREAK}={NO_BREAK}{power_of_ten(x)}" for x in lambdas)]
+    rows = [
+        [f"ψ{NO_BREAK}={NO_BREAK}{psi:g}", *(_share(shares[x, psi]) for x in lambdas)]
+        for psi in psis
+    ]
+    return html_table(head, rows)
+
+
+def _share(values: np.ndarray) -> str:
+    band = mean_interval(values)
+    return f"{band.centre:.2f}{NO_BREAK}±{NO_BREAK}{band.high - band.centre:.2f}"

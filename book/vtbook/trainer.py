@@ -1,0 +1,97 @@
+"""A panel for a page: the reader trains the method there, in WebAssembly, from real sources."""
+
+from __future__ import annotations
+
+from base64 import b64encode
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from xarray import Dataset
+
+from vtbook.experiments.rooms import NT, NT_GREEDY, PUBLISHED_GVT, PUBLISHED_MGVT
+from vtbook.panels import panel, static
+from vtbook.plots import COLOURS, PUBLISHED
+from vtbook.published import PublishedCurve
+from vtlib.baselines import MellowTDSettings
+from vtlib.experiments.experiment import Experiment
+from vtlib.experiments.store import weights
+from vtlib.native.build import PAGE
+from vtlib.native.runs import INTEGERS, NUMBERS, kernel_settings
+from vtlib.priors import SPAN_JITTER
+from vtlib.transfer import Settings
+
+# As published, where the thesis' figures begin; fine-tuning hardly explores.
+ALGORITHMS: dict[str, Settings | MellowTDSettings] = {
+    "MGVT": PUBLISHED_MGVT,
+    "GVT": PUBLISHED_GVT,
+    "NT": NT,
+    "fine": NT_GREEDY,
+}
+
+
+def mean_curves(runs: Mapping[str, Dataset], until: int) -> list[dict[str, Any]]:
+    """Mean learning returns of stored runs up to an iteration, as ``train_here`` draws them."""
+    stored = {label: one.sel(iteration=slice(None, until)) for label, one in runs.items()}
+    return [
+        _reference(
+            f"{label}, {one.sizes['run']} runs",
+            COLOURS[label],
+            one.iteration.values,
+            one.learning.mean("run").values,
+        )
+        for label, one in stored.items()
+    ]
+
+
+def published_curve(label: str, curve: PublishedCurve, until: int) -> dict[str, Any]:
+    """The published curve of an algorithm up to an iteration, as ``train_here`` draws it."""
+    kept = curve.iterations <= until
+    return _reference(f"{label}, published", PUBLISHED, curve.iterations[kept], curve.mean[kept])
+
+
+def _reference(label: str, colour: str, at: np.ndarray, values: np.ndarray) -> dict[str, Any]:
+    drawn = {"iterations": at.tolist(), "values": values.round(3).tolist()}
+    return {"label": label, "colour": colour, **drawn}
+
+
+def train_here(
+    experiment: Experiment,
+    doors: Sequence[float],
+    references: Sequence[Mapping[str, Any]] = (),
+    iterations: int = 5_000,
+    **start: str | float,
+) -> str:
+    """HTML of the panel: sources of the experiment's pool, a task with doors (W,) to move.
+
+    references: curves to draw below the reader's, each a label, a colour, iterations and values.
+    start: where controls stand at first, by their names, such as family="GVT" or sources=2.
+    """
+    sources = weights(experiment.pool)
+    scales = np.abs(sources).max(1) / 127
+    pool = np.round(sources / scales[:, None]).astype(np.int8)
+    code = PAGE.read_bytes()
+    setup = {
+        "fields": {"integers": INTEGERS.split(), "numbers": NUMBERS.split()},
+        "settings": {name: _told(name, s) for name, s in ALGORITHMS.items()},
+        "scales": [float(f"{x:.6g}") for x in scales],
+        "doors": list(doors),
+        "references": list(references),
+        "start": start,
+        "iterations": iterations,
+        "every": iterations // 200,
+        "wasm": b64encode(code).decode(),
+        "pool": b64encode(pool.tobytes()).decode(),
+        "worker": static("trainer_worker.js"),
+    }
+    sizes = {"code": round(len(code) / 1e3), "data": round(pool.nbytes / 1e3)}
+    return panel("trainer", setup, **sizes)
+
+
+def _told(name: str, s: Settings | MellowTDSettings) -> dict[str, Any]:
+    """The kernel's settings of an algorithm, and where its posterior starts."""
+    told = {**kernel_settings(s), "name": name}
+    if isinstance(s, Settings):
+        variance = SPAN_JITTER if s.init == "span" else 1 / told["scale"]
+        told.update(init=s.init, variance=variance, ddof=s.ddof)
+    return told

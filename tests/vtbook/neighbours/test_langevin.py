@@ -1,0 +1,62 @@
+"""The chain: one step by its formula, and the law of its weights on a quadratic error."""
+
+from __future__ import annotations
+
+import pytest
+import torch
+
+from vtbook.neighbours import LangevinSettings
+from vtlib.priors import GaussianPrior, MixturePrior
+from vtlib.qfunctions import MLP
+from vtlib.replay import Transition
+from vtlib.rng import Rng
+
+LINE = MLP((1, 1))  # Q = w x + b, and at x = 1 the weights' sum
+
+
+def at_one(runs, reward):
+    one, yes = torch.ones(runs, 1), torch.ones(runs, dtype=torch.bool)
+    return Transition(one, torch.zeros(runs).long(), torch.full((runs,), reward), one, yes)
+
+
+@pytest.mark.parametrize("kind", ["gaussian", "mixture"])
+def test_a_step_is_its_formula(kind):
+    sources = torch.randn(2, 3, LINE.d, generator=torch.Generator().manual_seed(0))
+    settings = LangevinSettings(
+        lambda_=0.1, alpha=0.02, bias=0.3, prior=kind, jitter=0.5, sigma_p2=0.2, minibatch=2
+    )
+    agent = settings.agent(LINE, sources, 1, Rng("t", range(2)))
+    noise = Rng("t", range(2)).stream("posterior")
+    prior = GaussianPrior(sources, 0.5) if kind == "gaussian" else MixturePrior(sources, 0.2)
+    w, m, v = sources.mean(1, keepdim=True), torch.zeros(1), torch.zeros(1)
+    for t in range(1, 6):
+        agent.learn(at_one(2, 2.0))
+        g = 2 * (w.sum(-1, keepdim=True) - 2.0) + 0.1 / t * prior.pull(w)
+        m, v = 0.9 * m + 0.1 * g, 0.999 * v + 0.001 * g**2
+        xi = noise.normal(LINE.d).unsqueeze(1)
+        w = w - 0.02 * (g + 0.3 * m / (v + 1e-8) ** 0.5) + (2 * 0.02 * 0.1 / t) ** 0.5 * xi
+        torch.testing.assert_close(agent.mu, w, rtol=1e-4, atol=1e-5)
+
+
+def test_the_law_of_the_weights_on_a_quadratic_error_is_the_exact_recursion():
+    runs, lambda_, alpha, jitter, reward = 4000, 2.0, 0.05, 0.5, 1.5
+    same = torch.zeros(runs, 1, LINE.d)  # no spread: a prior N(0, jitter I)
+    settings = LangevinSettings(
+        lambda_=lambda_, alpha=alpha, bias=0.0, prior="gaussian", jitter=jitter, minibatch=1
+    )
+    agent = settings.agent(LINE, same, 1, Rng("t", range(runs)))
+    # along (1, 1) / sqrt 2 the error has curvature 4 and is least at reward / sqrt 2
+    mean, along, across = 0.0, 0.0, 0.0
+    for t in range(1, 41):
+        agent.learn(at_one(runs, reward))
+        heat = lambda_ / t
+        pull = heat / jitter
+        mean += alpha * (4 * (reward / 2**0.5 - mean) - pull * mean)
+        along = (1 - alpha * (4 + pull)) ** 2 * along + 2 * alpha * heat
+        across = (1 - alpha * pull) ** 2 * across + 2 * alpha * heat
+    u = agent.mu[:, 0] @ torch.tensor([[1.0, 1.0], [1.0, -1.0]]).T / 2**0.5
+    error = 5 / runs**0.5  # five standard errors of a mean; of a variance sqrt 2 times as many
+    assert abs(float(u[:, 0].mean()) - mean) < error * along**0.5
+    assert abs(float(u[:, 0].var()) / along - 1) < error * 2**0.5
+    assert abs(float(u[:, 1].mean())) < error * across**0.5
+    assert abs(float(u[:, 1].var()) / across - 1) < error * 2**0.5

@@ -1,0 +1,149 @@
+/* The parts of the page's trainer that need no page: node --test tests/vtbook/trainer/parts.test.js */
+"use strict";
+
+const assert = require("node:assert/strict");
+const fs = require("node:fs");
+const path = require("node:path");
+const test = require("node:test");
+
+const ROOT = path.resolve(__dirname, "..", "..", "..");
+const panel = require(path.join(ROOT, "book", "_static", "trainer.js"));
+const worker = require(path.join(ROOT, "book", "_static", "trainer_worker.js"));
+const wasm = fs.readFileSync(path.join(ROOT, "vtlib", "native", "page.wasm"));
+const { setup, pool } = require("./given.js");
+
+const close = (a, b, within = 1e-6) => assert.ok(Math.abs(a - b) <= within, `${a} is not ${b}`);
+const sources = worker.decodePool(pool, setup.scales);
+const chosen = { ...panel.chosen({ family: "MGVT", doors: [2, 8] }), lambda: 1e-6 };
+const run = (changes = {}, given = sources.slice(0, 3)) => {
+  const choice = { ...chosen, ...changes };
+  const module = new WebAssembly.Module(wasm);
+  return new worker.Run(module, setup.fields, setup.settings[choice.family], choice, given);
+};
+
+test("numbers are held to what the controls offer", () => {
+  const wild = { power: Infinity, psi: "much", components: 7, sources: -3, seed: "", doors: [NaN, 99] };
+  assert.deepEqual(panel.chosen({ family: "?", ...wild, fine: "on" }), {
+    family: "MGVT", lambda: 0.1, psi: 0.5, components: 3, sources: 1, seed: 1, doors: [5, 9.5],
+    fine: true, none: false,
+  });
+  assert.equal(panel.chosen({ family: "GVT", components: 3, doors: [] }).components, 1);
+  assert.equal(panel.clamp("door", 3.14159), 3.1);
+  for (const [name, [least, most, , start]] of Object.entries(panel.RANGES)) {
+    assert.equal(panel.clamp(name, -1e9), least);
+    assert.equal(panel.clamp(name, 1e9), most);
+    for (const nothing of [undefined, null, "", "x", NaN]) assert.equal(panel.clamp(name, nothing), start);
+  }
+});
+
+test("keys move a door within its range, and other keys do nothing", () => {
+  assert.equal(panel.moved(5, "ArrowLeft"), 4.9);
+  assert.equal(panel.moved(9.5, "PageUp"), 9.5);
+  assert.equal(panel.moved(5, "Home"), 0.5);
+  assert.equal(panel.moved(5, "End"), 9.5);
+  assert.equal(panel.moved(5, "Tab"), undefined);
+});
+
+test("numbers, ticks, colours and walls are as drawn", () => {
+  assert.equal(panel.scientific(-6), "10⁻⁶");
+  assert.equal(panel.scientific(-4.5), "3.2 · 10⁻⁵");
+  assert.equal(panel.tick(5000), 1000);
+  assert.equal(panel.tick(2000), 500);
+  assert.notEqual(panel.colour(0), panel.colour(1));
+  assert.deepEqual(panel.wallsOf(1), [5]);
+});
+
+test("sources are drawn by the seed, each at most once", () => {
+  const drawn = worker.choose(50, 10, 7);
+  assert.deepEqual(drawn, worker.choose(50, 10, 7));
+  assert.notDeepEqual(drawn, worker.choose(50, 10, 8));
+  assert.equal(new Set(drawn).size, 10);
+  assert.ok(drawn.every((i) => i >= 0 && i < 50));
+  assert.equal(worker.choose(3, 10, 1).length, 3);
+});
+
+test("radial bases sum to one", () => {
+  for (const at of [[0, 0], [10, 10], [3.3, 7.8]]) {
+    close(worker.features(at).reduce((total, [, share]) => total + share, 0), 1);
+  }
+});
+
+test("the precision of the Gaussian prior is the inverse of the covariance that L L' makes", () => {
+  const jitter = 1e-4, few = sources.slice(0, 4), d = few[0].length;
+  const { mean, W, factor } = worker.gaussianPrior(few, jitter, jitter, 0);
+  close(mean[100], few.reduce((total, w) => total + w[100] / 4, 0));
+  const x = Float64Array.from({ length: d }, (_, i) => Math.sin(i));
+  const down = x.map((_, j) => x.reduce((t, v, i) => t + (i >= j ? factor[i * d + j] * v : 0), 0));
+  const up = x.map((_, i) => down.reduce((t, v, j) => t + (j <= i ? factor[i * d + j] * v : 0), 0));
+  const along = W.map((w) => w.reduce((t, v, i) => t + v * up[i], 0));
+  up.forEach((v, i) => close((v - W.reduce((t, w, j) => t + w[i] * along[j], 0)) / jitter, x[i], 1e-5));
+});
+
+test("a seed gives one run, and another seed another", () => {
+  const after = (seed) => {
+    const one = run({ seed });
+    for (let i = 0; i < 300; i++) one.advance();
+    return [...one.floats("means", 484)];
+  };
+  assert.deepEqual(after(3), after(3));
+  assert.notDeepEqual(after(3), after(4));
+});
+
+test("the noise of the motion is normal with deviation 0.2", () => {
+  const noise = [], one = run({ family: "NT" }, []);
+  for (let i = 0; i < 20000; i++) {
+    one.advance();
+    const ended = one.path.length === 1, walk = ended ? one.last : one.path;
+    const [from, to] = walk.slice(-2), off = to.map((x, k) => x - from[k]);
+    const inside = [...from, ...to].every((x) => x > 0.8 && x < 9.2);
+    if (inside && (off[0] || off[1])) noise.push(Math.abs(off[0]) < Math.abs(off[1]) ? off[0] : off[1]);
+  }
+  const moment = (k) => noise.reduce((total, x) => total + (x / 0.2) ** k, 0) / noise.length;
+  assert.ok(noise.length > 1000, `${noise.length} steps inside`);
+  close(moment(1), 0, 4 / Math.sqrt(noise.length));
+  close(moment(2), 1, 4 * Math.sqrt(2 / noise.length));
+  close(moment(4), 3, 4 * Math.sqrt(96 / noise.length));
+});
+
+test("the maps begin as the prior: the source's values, and its narrow deviation", () => {
+  const { value, deviation } = run({}, [sources[0]]).maps();
+  assert.ok(Math.max(...value) > 0.5 && Math.max(...value) < 2);
+  const variance = setup.settings.MGVT.variance;
+  for (const [cell, position] of [[0, [0.25, 0.25]], [399, [9.75, 9.75]]]) {
+    const squares = worker.features(position).reduce((total, [, share]) => total + share ** 2, 0);
+    close(deviation[cell], Math.sqrt(variance * squares), 1e-6);
+  }
+});
+
+test("a door that moves while it learns leaves what was learned", () => {
+  const one = run();
+  for (let i = 0; i < 100; i++) one.advance();
+  const before = [...one.floats("means", 484)];
+  one.moveDoors([9, 1]);
+  assert.deepEqual([...one.floats("means", 484)], before);
+  for (let i = 0; i < 100; i++) one.advance();
+  assert.notDeepEqual([...one.floats("means", 484)], before);
+});
+
+test("training reports, pauses at once, steps and ends", async () => {
+  let hear;
+  const next = () => new Promise((resolve) => { hear = resolve; });
+  const few = { ...setup, iterations: 400, every: 20 };
+  const training = new worker.Training({ wasm, pool: pool.buffer, scales: setup.scales, setup: few },
+    (report) => hear?.(report));
+  const told = (message) => { const heard = next(); training.command(message); return heard; };
+  const begun = await told({ chosen: { ...chosen, seed: 1, fine: true, none: true }, rate: 0 });
+  assert.equal(begun.iteration, 0);
+  assert.deepEqual(Object.keys(begun.curves), ["transfer", "fine", "none"]);
+  assert.equal((await told({ rate: 0, steps: 1 })).iteration, 1);
+  let report = await told({ rate: 1e6 });
+  assert.ok(report.running || report.iteration === 400);
+  const paused = await told({ rate: 0 });
+  assert.equal(paused.running, false);
+  assert.equal((await told({ rate: 0 })).iteration, paused.iteration);
+  report = await told({ rate: 1e6 });
+  while (report.running) report = await next();
+  assert.equal(report.iteration, 400);
+  assert.equal(report.curves.transfer.length, 21);
+  assert.equal((await told({ chosen: { ...chosen, seed: 2 }, rate: 0 })).iteration, 0);
+});
