@@ -40,7 +40,7 @@ help:
 	@sed -n '/^#   make/s/^#   //p' Makefile
 
 book: $(KERNELS)
-	@echo "==> Building the book: 3 to 8 minutes the first time, seconds when little has changed."
+	@echo "==> Building the book: about 10 minutes the first time, seconds when little has changed."
 	@$(BIN)/python book/_ext/build.py $(if $(ONLINE),--online)
 
 # The book is built beside the other tests: one thread each, or they wait for each other.
@@ -48,7 +48,7 @@ test: export OMP_NUM_THREADS := 1
 test: $(KERNELS)
 	@echo "==> Testing: about 25 minutes on two cores (linter, library, book from scratch, browser)."
 	@$(MAKE) --no-print-directory lint
-	@$(BIN)/python -m pytest
+	@$(BIN)/python -m pytest -n logical --dist loadgroup
 
 lint: $(KERNELS)
 	@echo "==> Checking style, types and language: a minute the first time, then seconds."

@@ -10,9 +10,11 @@ import importlib
 import os
 import re
 import shutil
+import signal
 import subprocess
 import sys
 import threading
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
@@ -29,71 +31,65 @@ from vtlib.transfer import Settings
 
 ROOT = Path(__file__).resolve().parents[1]
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
-BROWSER_ARGUMENTS = (
-    "--no-sandbox",
-    "--disable-gpu",
-    "--disable-background-networking",
-    "--no-first-run",
-)
+FOREIGN = re.compile(r"^(?!file:|data:|blob:|http://127\.0\.0\.1[:/])")
 # Set to a folder of built pages to test those instead of building the book.
 BUILT = "VTLIB_BOOK_HTML"
+BOOK = "of the book"  # in the groups of tests that wait for it
+LOG, STATUS = (ROOT / "_build" / f"test-build.{x}" for x in ("log", "status"))
 BUILD_LIMIT = 1800  # seconds
 CELL = re.compile(r"```\{code-cell\} python3\n(?:---\n(.*?)\n---\n)?(.*?)```", re.DOTALL)
 
-_build: list[tuple[subprocess.Popen, Path]] = []
+_build: list[subprocess.Popen] = []
 
 
-def reads_the_book(item: pytest.Item) -> bool:
-    """Whether a test waits for the book to be built."""
-    return "build_faults" in getattr(item, "fixturenames", ())
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Tests that ask for the book come last; a file's tests share a process, and its fixtures."""
+    wanted = [x for x in items if "build_faults" in getattr(x, "fixturenames", ())]
+    items.sort(key=wanted.__contains__)
+    if hasattr(config, "workerinput"):
+        for item in items:
+            file = item.nodeid.partition("::")[0]
+            group = f"{file} {BOOK}" if item in wanted else file
+            item.add_marker(pytest.mark.xdist_group(group))
+    elif wanted and not config.option.collectonly:
+        start_build()
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Tests of the book come last: it is being built while the others run."""
-    items.sort(key=reads_the_book)
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_node_collection_finished(ids: list[str]) -> None:
+    """The same in the process that hands the tests out to others."""
+    if any(one.endswith(f" {BOOK}") for one in ids):
+        start_build()
 
 
-def pytest_collection_finish(session: pytest.Session) -> None:
-    """Start building as soon as it is known that a test will ask for the book."""
-    wanted = any(map(reads_the_book, session.items))
-    if wanted and not session.config.option.collectonly and BUILT not in os.environ:
-        log = ROOT / "_build" / "test-build.log"
-        log.parent.mkdir(exist_ok=True)
-        command = [sys.executable, str(ROOT / "book" / "_ext" / "build.py"), "--fresh"]
-        command += ["--online"]  # where scripts cannot be fetched the tests of them are skipped
-        with log.open("w") as out:
-            process = subprocess.Popen(command, cwd=ROOT, stdout=out, stderr=subprocess.STDOUT)
-        _build.append((process, log))
+def start_build() -> None:
+    """Begin to build the book, once; how that ended will be in a file of its own."""
+    if _build or BUILT in os.environ:
+        return
+    LOG.parent.mkdir(exist_ok=True)
+    STATUS.unlink(missing_ok=True)
+    # where scripts cannot be fetched the tests of them are skipped
+    command = [sys.executable, str(ROOT / "book/_ext/build.py"), "--fresh", "--online"]
+    shell = ["sh", "-c", '"$@"; echo $? > "$0"', str(STATUS), *command]
+    with LOG.open("w") as out:
+        # in a group of its own, which can be ended whole
+        _build.append(subprocess.Popen(shell, cwd=ROOT, stdout=out, stderr=out, process_group=0))
 
 
 def pytest_sessionfinish() -> None:
     """Leave no build behind when the tests stop early."""
-    for process, _ in _build:
-        if process.poll() is None:
-            process.terminate()
-            process.wait()
-
-
-def faults_in(log: str) -> list[str]:
-    """Lines of a build's log that name a page and what is wrong with it, without colours."""
-    plain = re.sub(r"\x1b\[[0-9;]*m", "", log)
-    return [line for line in plain.splitlines() if re.search(r"\b(WARNING|ERROR|Error):", line)]
+    for process in _build:
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGTERM)
+        process.wait()
 
 
 @pytest.fixture(scope="session")
 def tiny() -> Experiment:
     """Three runs of each kind of algorithm, on cartpoles, whose optimum needs no planning."""
     learner = MellowTDSettings(epsilon_steps=100, minibatch=5)
-    pool = Pool(
-        "tiny-pool",
-        CartpoleFamily(),
-        count=3,
-        iterations=220,
-        limit=230,
-        check_every=10,
-        episodes=2,
-        settings=learner,
-    )
+    short = {"iterations": 220, "limit": 230, "check_every": 10, "episodes": 2}
+    pool = Pool("tiny-pool", CartpoleFamily(), count=3, settings=learner, **short)
     algorithms = {
         "NT": learner,
         "DDQN": DDQNSettings(epsilon_steps=100, minibatch=5),
@@ -127,19 +123,16 @@ def run_cells(name: str) -> dict[str, Any]:
         # only for as long as they run: other tests need the package itself
         patch.setitem(sys.modules, "myst_nb", SimpleNamespace(glue=lambda *_, **__: None))
         patch.setattr(widgets, "still_sliders", lambda axes, picture: (axes, picture))
-        return _run_cells(name)
-
-
-def _run_cells(name: str) -> dict[str, Any]:
-    names: dict[str, Any] = {}
-    for head, source in CELL.findall((ROOT / "book" / f"{name}.md").read_text(encoding="utf-8")):
-        code = ast.parse(re.sub(r"^:.*\n", "", source, flags=re.MULTILINE))
-        figure = re.search(r"^    name: (\S+)$", head, re.MULTILINE)
-        shown = code.body.pop() if figure else None
-        exec(compile(code, name, "exec"), names)
-        if isinstance(shown, ast.Expr):
-            names[figure[1]] = eval(compile(ast.Expression(shown.value), name, "eval"), names)
-    return names
+        names: dict[str, Any] = {}
+        page = (ROOT / "book" / f"{name}.md").read_text(encoding="utf-8")
+        for head, source in CELL.findall(page):
+            code = ast.parse(re.sub(r"^:.*\n", "", source, flags=re.MULTILINE))
+            figure = re.search(r"^    name: (\S+)$", head, re.MULTILINE)
+            shown = code.body.pop() if figure else None
+            exec(compile(code, name, "exec"), names)
+            if isinstance(shown, ast.Expr):
+                names[figure[1]] = eval(compile(ast.Expression(shown.value), name, "eval"), names)
+        return names
 
 
 @pytest.fixture
@@ -154,11 +147,14 @@ def build_faults() -> list[str]:
     """What the build of the book complained about, one line each; empty for a clean build."""
     if BUILT in os.environ:
         return []
-    process, log = _build[0]
-    if process.wait(timeout=BUILD_LIMIT) == 0:
+    until = time.monotonic() + BUILD_LIMIT
+    while not (STATUS.exists() and (status := STATUS.read_text().strip())):
+        assert time.monotonic() < until, "the book takes too long to build"
+        time.sleep(0.5)
+    if status == "0":
         return []
-    text = log.read_text()
-    return faults_in(text) or text.splitlines()[-30:]
+    lines = re.sub(r"\x1b\[[0-9;]*m", "", LOG.read_text()).splitlines()  # without colours
+    return [x for x in lines if re.search(r"\b(WARNING|ERROR|Error):", x)] or lines[-30:]
 
 
 @pytest.fixture(scope="session")
@@ -177,19 +173,12 @@ def address(book: Path) -> Iterator[str]:
         def log_message(self, *_: Any) -> None:
             """Requests are not worth a line."""
 
-        def copyfile(self, source: Any, outputfile: Any) -> None:
-            # A browser that leaves a page hangs up on what it no longer needs.
-            with contextlib.suppress(ConnectionError):
-                super().copyfile(source, outputfile)
-
     handler = functools.partial(Quiet, directory=str(book))
     with http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
         server.daemon_threads = True
-        thread = threading.Thread(target=server.serve_forever, daemon=True)
-        thread.start()
+        threading.Thread(target=server.serve_forever, daemon=True).start()
         yield f"http://127.0.0.1:{server.server_port}"
         server.shutdown()
-        thread.join()
 
 
 @pytest.fixture(scope="session")
@@ -200,7 +189,7 @@ def browser() -> Iterator[Any]:
         pytest.skip(f"no browser found (looked for {', '.join(BROWSERS)}): apt install chromium")
     sync_api = pytest.importorskip("playwright.sync_api")
     with sync_api.sync_playwright() as playwright:
-        chromium = playwright.chromium.launch(executable_path=path, args=[*BROWSER_ARGUMENTS])
+        chromium = playwright.chromium.launch(executable_path=path)
         yield chromium
         chromium.close()
 
@@ -208,19 +197,14 @@ def browser() -> Iterator[Any]:
 @pytest.fixture
 def page(browser: Any) -> Iterator[Any]:
     """A fresh page: ``page.foreign`` lists requests off this machine, ``page.faults`` errors."""
-    context = browser.new_context(viewport={"width": 1280, "height": 900})
-    page = context.new_page()
+    page = browser.new_page(viewport={"width": 1280, "height": 900})
     page.foreign, page.faults = [], []
 
-    def inspect(route: Any) -> None:
-        url = route.request.url
-        if re.match(r"(file:|data:|blob:|http://127\.0\.0\.1[:/])", url):
-            route.continue_()
-        else:
-            page.foreign.append(url)
-            route.abort()
+    def refuse(route: Any) -> None:
+        page.foreign.append(route.request.url)
+        route.abort()
 
-    context.route("**/*", inspect)
+    page.context.route(FOREIGN, refuse)
     page.on("pageerror", lambda error: page.faults.append(str(error)))
     yield page
-    context.close()
+    page.close()
