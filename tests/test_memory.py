@@ -15,11 +15,9 @@ from vtlib.replay import Transition
 from vtlib.rng import Rng
 from vtlib.transfer import Settings
 
-LEAST, LIMIT = 7.1e6, 30e6  # bytes for each run and component; the triangle of L is the least
-
 
 @pytest.mark.parametrize(
-    ("settings", "runs"), [(Settings("gaussian"), 8), (Settings(components=3), 3)]
+    ("settings", "runs"), [(Settings("gaussian"), 4), (Settings(components=3), 2)]
 )
 def test_a_run_takes_less_than_30_megabytes_for_each_component(settings, runs, tmp_path: Path):
     # What PyTorch's allocator counts, from an agent's beginning to its 10th step; the system's
@@ -36,5 +34,6 @@ def test_a_run_takes_less_than_30_megabytes_for_each_component(settings, runs, t
     seen.export_chrome_trace(str(tmp_path / "trace.json"))
     events = json.loads((tmp_path / "trace.json").read_text())["traceEvents"]
     events = sorted((e for e in events if e["name"] == "[memory]"), key=lambda e: e["ts"])
-    taken = torch.tensor([event["args"]["Bytes"] for event in events])
-    assert LEAST < int(taken.cumsum(0).max()) / (settings.components * runs) < LIMIT
+    taken = torch.tensor([event["args"]["Bytes"] for event in events]).cumsum(0).max()
+    # of which the triangle of L alone takes 7.1
+    assert 7.1e6 < int(taken) / (settings.components * runs) < 30e6

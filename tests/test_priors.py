@@ -21,16 +21,14 @@ from vtlib.priors import (
     covariance_factor,
     kl,
     kl_bound,
-    low_rank_precision,
     pairwise_kl,
     pull_of_sources,
     responsibilities,
-    sources_mean_and_spread,
 )
 
 CASES = [(1, 1), (1, 4), (2, 1), (2, 3), (3, 3), (4, 2)]
 TABLES = (st.integers(1, 5), st.integers(1, 6), st.floats(0.01, 1e4), st.integers(0, 1000))
-PROPERTY = settings(deadline=None, derandomize=True, max_examples=60)
+close = torch.testing.assert_close
 
 
 def draw(*shape: int, seed: int = 0) -> Tensor:
@@ -55,27 +53,21 @@ def gaussian(*batch: int, d: int, seed: int = 1) -> Gaussian:
 @pytest.mark.parametrize("d", [1, 2, 7, 30])
 def test_kl_agrees_with_torch_distributions(d):
     q, p = gaussian(4, 1, d=d), gaussian(3, d=d, seed=5)
-    ours, theirs = (MultivariateNormal(mu, scale_tril=L) for mu, L in (q, p))
-    table = kl(q, p)
-    assert table.shape == (4, 3)
-    torch.testing.assert_close(table, kl_divergence(ours.expand((4, 3)), theirs.expand((4, 3))))
-    assert (table > 0).all()
-    torch.testing.assert_close(kl(q, q), torch.zeros(4, 1).double())
+    close(kl(q, p), kl_divergence(*(MultivariateNormal(mu, scale_tril=L) for mu, L in (q, p))))
 
 
 @pytest.mark.parametrize("d", [1, 3, 8])
 def test_gradients_of_the_kl_are_the_pull_and_the_product_with_the_precision(d):
-    q, (mu_p, spread) = gaussian(2, d=d), sources_mean_and_spread(draw(2, 4, d, seed=9))
-    prior = Gaussian(mu_p, covariance_factor(spread, 0.1))
+    q, prior = gaussian(2, 1, d=d), GaussianPrior(draw(2, 4, d, seed=9), 0.1)
+    p = Gaussian(prior.mu, covariance_factor(prior.start(1, "sources").spread, 0.1).unsqueeze(1))
     leaves = [x.clone().requires_grad_() for x in q]
     # which passes finite differences
-    assert torch.autograd.gradcheck(lambda *own: kl(Gaussian(*own), prior), leaves)
-    of_mu, of_factor = torch.autograd.grad(kl(Gaussian(*leaves), prior).sum(), leaves)
-    known = GaussianPrior(draw(2, 4, d, seed=9), 0.1)
-    torch.testing.assert_close(known.pull(q.mu.unsqueeze(1)).squeeze(1), of_mu)
-    inverse = torch.diag_embed(1 / q.scale_tril.diagonal(dim1=1, dim2=2))
-    ours = known.precision.times(q.scale_tril) - inverse
-    torch.testing.assert_close(ours.tril(), of_factor.tril())
+    assert torch.autograd.gradcheck(lambda *own: kl(Gaussian(*own), p), leaves)
+    of_mu, of_factor = torch.autograd.grad(kl(Gaussian(*leaves), p).sum(), leaves)
+    close(prior.pull(q.mu), of_mu)
+    L = q.scale_tril.squeeze(1)
+    ours = prior.precision.times(L) - torch.diag_embed(1 / L.diagonal(dim1=1, dim2=2))
+    close(ours.tril(), of_factor.squeeze(1).tril())
 
 
 @pytest.mark.parametrize("at_once", [2, 4, 2**22])
@@ -83,33 +75,37 @@ def test_gradients_of_the_kl_are_the_pull_and_the_product_with_the_precision(d):
 @pytest.mark.parametrize("sources", [1, 2, 4, 12])
 @pytest.mark.parametrize("jitter", [1e-4, 1.0])
 @pytest.mark.parametrize("ddof", [0, 1])
-def test_moments_of_sources(monkeypatch, sources, jitter, ddof, at_once):
+def test_a_gaussian_prior_has_the_moments_of_its_sources(
+    monkeypatch, sources, jitter, ddof, at_once
+):
     monkeypatch.setattr(priors, "DOUBLES", at_once * 6**2)
     w = draw(5, sources, 6)
     if sources == ddof:
         with pytest.raises(ValueError, match=r"^sources must be more than ddof = 1, got 1$"):
             GaussianPrior(w, jitter, ddof)
         return
-    mu, spread = sources_mean_and_spread(w, ddof)
-    torch.testing.assert_close(mu, w.mean(1))
+    prior = GaussianPrior(w, jitter, ddof)
+    start, span = prior.start(1, "sources"), prior.start(1, "span")
+    assert (start.variance, span.variance) == (jitter, priors.SPAN_JITTER)
+    assert torch.equal(start.spread, span.spread)
     covariance = torch.stack([torch.from_numpy(np.cov(one.T, ddof=ddof)) for one in w])
     covariance += jitter * eye(6)
-    L = covariance_factor(spread, jitter)
-    torch.testing.assert_close(L @ L.mT, covariance)
+    L = covariance_factor(start.spread, jitter)
+    close(L @ L.mT, covariance)
     assert not L.triu(1).any()
-    precision = low_rank_precision(spread, jitter)
-    inverse = precision.times(eye(6).expand(5, 6, 6))
-    torch.testing.assert_close(inverse, torch.linalg.inv(covariance), rtol=1e-8, atol=1e-8)
-    torch.testing.assert_close(precision.diagonal(6), inverse.diagonal(dim1=1, dim2=2))
-    prior = GaussianPrior(w, jitter, ddof)
-    own = prior.precision.times(eye(6).expand(5, 6, 6))
-    torch.testing.assert_close(own, inverse, rtol=1e-8, atol=1e-8)
+    inverse = prior.precision.times(eye(6).expand(5, 6, 6))
+    close(inverse, torch.linalg.inv(covariance), rtol=1e-8, atol=1e-8)
+    close(prior.precision.diagonal(6), inverse.diagonal(dim1=1, dim2=2))
+    for mu in (start.mu, span.mu):
+        close(mu, w.mean(1, keepdim=True))
+        mu.add_(1.0)  # the posterior's means move in place, and must not take the prior along
+        close(prior.pull(mu), inverse.sum(1, keepdim=True))
 
 
 @pytest.mark.parametrize("apart", [1e8, 1e30, 3e38])
 def test_sources_too_far_apart_for_their_covariance_are_refused(apart):
     far = (apart * draw(1, 4, 9).clamp(-1, 1)).float()
-    refused = [lambda: covariance_factor(sources_mean_and_spread(far)[1], 1e-4)]
+    refused = [lambda: covariance_factor(priors.sources_mean_and_spread(far)[1], 1e-4)]
     if apart == 3e38:  # whose differences are infinite
         refused.append(lambda: GaussianPrior(far))
     for call in refused:
@@ -132,59 +128,47 @@ def torch_mixture(mu: Tensor, L: Tensor) -> MixtureSameFamily:
 @pytest.mark.parametrize(("components", "sources"), CASES)
 @pytest.mark.parametrize("d", [1, 3])
 def test_bound_is_at_least_the_monte_carlo_kl(components, sources, d):
-    variance, samples = 0.7, 100_000
-    q, w = gaussian(components, d=d), draw(sources, d, seed=8)
+    q, w, samples = gaussian(components, d=d), draw(sources, d, seed=8), 100_000
     with torch.random.fork_rng():
         # torch.distributions draw from the global generator alone; the fork gives it back
         torch.manual_seed(0)
         x = torch_mixture(*q).sample((samples,))
-    prior = torch_mixture(w, variance**0.5 * eye(d).expand(sources, d, d))
+    prior = torch_mixture(w, 0.7**0.5 * eye(d).expand(sources, d, d))
     ratio = torch_mixture(*q).log_prob(x) - prior.log_prob(x)
     error = ratio.std() / samples**0.5
     assert error < 0.05
-    bound = tight_bound(pairwise_kl(q, w, variance))
-    assert bound >= ratio.mean() - 4 * error
-    if components == sources == 1:
-        assert (bound - ratio.mean()).abs() <= 4 * error
+    assert tight_bound(pairwise_kl(q, w, 0.7)) >= ratio.mean() - 4 * error
 
 
-def test_bound_is_exact_where_mixtures_are_single_gaussians_or_equal_and_far_apart():
-    q, w = gaussian(1, d=5), draw(1, 5, seed=8)
-    prior = Gaussian(w, 0.3**0.5 * eye(5))
-    torch.testing.assert_close(tight_bound(pairwise_kl(q, w, 0.3)), kl(q, prior)[0])
-    w = 100 * draw(4, 3)
-    q = Gaussian(w, 0.1 * eye(3).expand(4, 3, 3))
-    assert tight_bound(pairwise_kl(q, w, 0.01)).item() == pytest.approx(0.0, abs=1e-9)
-
-
-def test_pairwise_kl_is_a_table_of_closed_forms():
+def test_pairwise_kl_is_a_table_of_closed_forms_which_are_the_bounds_of_single_gaussians():
     q, w = gaussian(2, 3, d=4), draw(2, 5, 4, seed=8)
     each = Gaussian(q.mu.unsqueeze(2), q.scale_tril.unsqueeze(2))
     table = kl(each, Gaussian(w.unsqueeze(1), 0.3**0.5 * eye(4)))
-    torch.testing.assert_close(pairwise_kl(q, w, 0.3), table)
+    close(pairwise_kl(q, w, 0.3), table)
+    close(tight_bound(table[..., None, None]), table)
 
 
-@PROPERTY
+@settings(deadline=None, derandomize=True, max_examples=60)
 @given(*TABLES)
 def test_updates_never_raise_the_bound_and_keep_the_marginals(components, sources, scale, seed):
     pairwise = scale * draw(components, sources, seed=seed).square()
-    bounds = [tight_bound(pairwise, k).item() for k in range(25)]
+    bounds = [tight_bound(pairwise, k).item() for k in range(12)]
     slack = 1e-12 * (1 + abs(bounds[0]))
     assert all(later <= sooner + slack for sooner, later in itertools.pairwise(bounds))
     assert tight_bound(pairwise).item() <= bounds[1] + slack
     for updates in (0, 1, 7, None):
         theta, phi = (x.exp() for x in responsibilities(pairwise, updates))
-        torch.testing.assert_close(theta.sum(1), torch.full((components,), 1 / components).double())
-        torch.testing.assert_close(phi.sum(0), torch.full((sources,), 1 / sources).double())
+        close(theta.sum(1), torch.full((components,), 1 / components).double())
+        close(phi.sum(0), torch.full((sources,), 1 / sources).double())
 
 
 def test_one_update_is_equations_5_14_and_5_15():
     pairwise = draw(3, 4).square()
     theta_before = responsibilities(pairwise, 6)[0].exp()
     theta, phi = (x.exp() for x in responsibilities(pairwise, 7))
-    torch.testing.assert_close(phi, theta_before / theta_before.sum(0) / 4)
+    close(phi, theta_before / theta_before.sum(0) / 4)
     boltzmann = phi * (-pairwise).exp()
-    torch.testing.assert_close(theta, boltzmann / boltzmann.sum(1, keepdim=True) / 3)
+    close(theta, boltzmann / boltzmann.sum(1, keepdim=True) / 3)
 
 
 def test_converged_bound_is_near_its_limit_and_feels_no_order():
@@ -194,15 +178,14 @@ def test_converged_bound_is_near_its_limit_and_feels_no_order():
         limit = tight_bound(pairwise, 1000)
         assert limit - 1e-9 <= tight_bound(pairwise) <= limit + 0.02
         moved = responsibilities(pairwise[rows][:, columns])
-        for ours, theirs in zip(moved, responsibilities(pairwise), strict=True):
-            torch.testing.assert_close(ours.exp(), theirs[rows][:, columns].exp())
         # nor what other runs of the batch are like
         beside = responsibilities(torch.stack([50 * pairwise, pairwise, 0.01 * pairwise]))
-        for ours, theirs in zip(beside, responsibilities(pairwise), strict=True):
-            torch.testing.assert_close(ours[1].exp(), theirs.exp(), rtol=0, atol=1e-9)
+        for alone, other, batch in zip(responsibilities(pairwise), moved, beside, strict=True):
+            close(other.exp(), alone[rows][:, columns].exp())
+            close(batch[1].exp(), alone.exp(), rtol=0, atol=1e-9)
 
 
-@pytest.mark.parametrize("components", [1, 3])
+@pytest.mark.parametrize("components", [1, 3, 10])
 def test_far_sources_in_484_dimensions(components):
     w = 0.2 * draw(10, 484).float()
     L = 1e-5**0.5 * torch.eye(484).expand(components, -1, -1)
@@ -212,8 +195,9 @@ def test_far_sources_in_484_dimensions(components):
         assert torch.isfinite(tight_bound(pairwise))
         assert torch.isfinite(pull_of_sources(mu, w, 1e-5)).all()
     # where each component explains its own source, log S - log C is what remains
-    bound = tight_bound(pairwise_kl(Gaussian(w[:components], L), w, 1e-5))
-    assert bound.item() == pytest.approx(math.log(10 / components), abs=1e-2)
+    q = Gaussian(w[:components].double(), L.double())
+    bound = tight_bound(pairwise_kl(q, w.double(), 1e-5))
+    assert bound.item() == pytest.approx(math.log(10 / components), abs=1e-9)
     # Adam divides by the gradient's size: a mere rounding error would move the means
     assert not pull_of_sources(w[:components], w, 1e-5).any()
 
@@ -225,36 +209,14 @@ def test_pull_is_the_gradient_of_the_tightened_bound(components, sources):
     pairwise = pairwise_kl(Gaussian(mu, q.scale_tril), w, variance)
     bound = kl_bound(pairwise, *responsibilities(pairwise.detach()))
     (with_theta_held,) = torch.autograd.grad(bound, mu)
-    ours = pull_of_sources(q.mu, w, variance)
-    torch.testing.assert_close(ours, with_theta_held, rtol=1e-5, atol=1e-5)
+    close(pull_of_sources(q.mu, w, variance), with_theta_held, rtol=1e-5, atol=1e-5)
     # theta and phi are tightened anew at either end: at their fixed point the bound is flat in them
     steps = h * eye(mu.numel()).view(-1, *mu.shape)
     wide = 2.5 * q.mu
     ends = Gaussian(torch.stack([wide + steps, wide - steps]), q.scale_tril)
     above, below = tight_bound(pairwise_kl(ends, w, variance), 1000)
     slopes = ((above - below) / (2 * h)).view_as(wide)
-    torch.testing.assert_close(pull_of_sources(wide, w, variance), slopes, rtol=0, atol=0.01)
-
-
-# --- priors --------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(("init", "jitter"), [("sources", 0.01), ("span", priors.SPAN_JITTER)])
-def test_gaussian_prior(init, jitter):
-    sources = draw(2, 5, 4)
-    prior = GaussianPrior(sources, jitter=0.01)
-    start = prior.start(1, init)
-    torch.testing.assert_close(start.mu, sources.mean(1, keepdim=True))
-    covariance = torch.stack([torch.cov(one.T, correction=0) for one in sources])
-    assert start.variance == jitter
-    torch.testing.assert_close(start.spread @ start.spread.mT, covariance)
-    inverse = torch.linalg.inv(covariance + 0.01 * eye(4))
-    torch.testing.assert_close(prior.precision.times(eye(4).expand(2, 4, 4)), inverse)
-    mu = draw(2, 1, 4, seed=3)
-    # the posterior's means move in place, and must not take the prior along
-    start.mu.copy_(mu)
-    expected = (mu - sources.mean(1, keepdim=True)) @ inverse
-    torch.testing.assert_close(prior.pull(start.mu), expected)
+    close(pull_of_sources(wide, w, variance), slopes, rtol=0, atol=0.01)
 
 
 @pytest.mark.parametrize("components", [1, 2, 5])
@@ -262,16 +224,14 @@ def test_mixture_prior_starts_on_different_sources_or_at_their_mean(components):
     sources = draw(2, 3, 4)
     before = sources.clone()
     prior = MixturePrior(sources, 0.5)
-    torch.testing.assert_close(prior.precision.times(eye(4)), eye(4) / 0.5)
+    close(prior.precision.times(eye(4)), eye(4) / 0.5)
     on, mean = prior.start(components, "sources"), prior.start(components, "mean")
-    assert on.mu.shape == mean.mu.shape == (2, components, 4)
-    for c in range(components):
-        assert torch.equal(on.mu[:, c], sources[:, c % 3])
-        torch.testing.assert_close(mean.mu[:, c], sources.mean(1))
+    assert torch.equal(on.mu, sources[:, [0, 1, 2, 0, 1][:components]])
+    close(mean.mu, sources.mean(1, keepdim=True).expand(2, components, 4))
     for start in (on, mean):
         assert (start.variance, start.spread) == (0.5, None)
         start.mu.add_(1.0)
-        torch.testing.assert_close(prior.pull(start.mu), pull_of_sources(start.mu, before, 0.5))
+        close(prior.pull(start.mu), pull_of_sources(start.mu, before, 0.5))
 
 
 def test_equal_responsibilities_are_the_bound_with_a_uniform_table():
@@ -279,5 +239,4 @@ def test_equal_responsibilities_are_the_bound_with_a_uniform_table():
     pairwise = pairwise_kl(Gaussian(mu, 0.5 * eye(3).expand(1, 2, 3, 3)), sources, 0.7)
     uniform = torch.full((1, 2, 4), -math.log(8)).double()
     (expected,) = torch.autograd.grad(kl_bound(pairwise, uniform, uniform), mu)
-    ours = MixturePrior(sources, 0.7, "equal").pull(mu.detach())
-    torch.testing.assert_close(ours, expected)
+    close(MixturePrior(sources, 0.7, "equal").pull(mu.detach()), expected)

@@ -12,20 +12,13 @@ import vtlib
 ROOT = Path(vtlib.__file__).parents[1]
 
 # An experiment in an environment of one's own: its tasks, its record, and two configurations.
-ENVIRONMENT = '''
-from pathlib import Path
-
+CORRIDORS = '''
 import torch
 from attrs import frozen
 
 from vtlib.baselines import DDQNSettings, MellowTDSettings
 from vtlib.envs.base import TaskBatch, TaskFamily
-from vtbook.experiments import EXPERIMENTS
-from vtlib.experiments import load, returns
-from vtlib.experiments.heads import live_check
-from vtlib.experiments.whole import verify
 from vtlib.experiments.experiment import Experiment, Pool
-from vtlib.experiments.schedule import complete
 from vtlib.qfunctions import MLP
 from vtlib.transfer import Settings
 
@@ -51,7 +44,7 @@ class Corridors(TaskBatch):
 
 @frozen
 class CorridorFamily(TaskFamily):
-    right: float = 0.5  # how often the goal is on the right
+    right: float = 0.9  # how often the goal is on the right
 
     parameters = ("goal",)
     limits = (0.0, 1.0)
@@ -67,193 +60,156 @@ class CorridorFamily(TaskFamily):
         return Corridors(torch.where(draws < self.right, 1.0, -1.0))
 
 
-LEARNER = MellowTDSettings(epsilon_steps=100, gamma=0.9, minibatch=10)
-POOL = Pool(
-    "corridors",
-    CorridorFamily(right=0.9),
-    count=4,
-    iterations=300,
-    limit=600,
-    check_every=100,
-    episodes=5,
-    settings=LEARNER,
-)
-MINE = Experiment(
-    "mine",
-    POOL,
-    CorridorFamily(right=0.9),
-    {
-        "GVT": Settings("gaussian", lambda_=1e-3, gamma=0.9, alpha_L=1e-3, n_samples=3),
-        "NT": DDQNSettings(epsilon_steps=100, gamma=0.9),
-    },
-    runs=4,
-    sources=3,
-    iterations=300,
-    every=100,
-)
+FAMILY, LEARNER = CorridorFamily(), MellowTDSettings(epsilon_steps=100, gamma=0.9, minibatch=10)
+LENGTH = {"iterations": 200, "limit": 400, "check_every": 100, "episodes": 5}
+POOL = Pool("corridors", FAMILY, count=3, settings=LEARNER, **LENGTH)
+ALGORITHMS = {
+    "GVT": Settings("gaussian", lambda_=1e-3, gamma=0.9, alpha_L=1e-3, n_samples=3),
+    "NT": DDQNSettings(epsilon_steps=100, gamma=0.9),
+}
+MINE = Experiment("mine", POOL, FAMILY, ALGORITHMS, runs=2, sources=2, iterations=200, every=100)
+EXPERIMENTS = {"mine": MINE}
+'''
+
+READ = """
+from pathlib import Path
+
+from corridors import MINE, POOL
+from vtlib.experiments import live_check, load, returns
+from vtlib.experiments.whole import verify
 
 if __name__ == "__main__":
     root = Path("results")
-    complete([MINE], root, jobs=2, quiet=True)
-    assert "mine" not in EXPERIMENTS
     found = returns(MINE, "GVT", root)
-    assert found.learning.dims == ("run", "iteration") and found.learning.shape == (4, 3)
+    assert found.learning.dims == ("run", "iteration") and found.learning.shape == (2, 2)
     assert (found.greedy <= 1).all()
     assert load(POOL, "sources", root).goal.dims == ("source",)
     for owner, label, found in verify(MINE, root=root):
         assert not found.wrong and not found.parted, f"{owner.name}/{label}"
     print(live_check(MINE, "NT", 1, root))
-'''
+"""
 
-# A posterior of another form in one file, and the one line that makes it known.
-LOW_RANK = '''
+# A posterior of another form, moved by Adam, in one file, and the one line that makes it known.
+ISOTROPIC = '''
 import torch
 
 from vtlib.posteriors import COVARIANCES
 
-RANK = 2
 
-
-class LowRank:
-    """w = mu + sigma z + F y, with y of few dimensions: covariance diag(sigma^2) + F F^T.
-
-    The divergence's gradients are P sigma - diag(C) sigma and P F - C F, with C the inverse of
-    the covariance by Woodbury's identity, which needs nothing of d x d.
-    """
+class Isotropic:
+    """w = mu + sigma z, with one sigma for each component."""
 
     def __init__(self, start, precision, descent, noise, n_samples):
         self.mu, self._noise, self._n = start.mu, noise, n_samples
-        W = precision.W
-        # the columns are those of a run, which all its components share
-        self._precision = precision if W is None else precision._replace(W=W.unsqueeze(1))
-        self._descent = descent
-        self._sigma = torch.full_like(self.mu, start.variance**0.5)
-        columns = torch.arange(1, RANK + 1) * start.variance**0.5
-        self._F = 0.1 * columns * torch.ones(*self.mu.shape, RANK)
+        self._precision, self._sigma_min = precision, descent.sigma_min
+        self._sigma = torch.full((*self.mu.shape[:2], 1, 1), start.variance**0.5)
+        self._adam = torch.optim.Adam([self._sigma], lr=descent.alpha)
 
     def sample(self):
         runs, components, d = self.mu.shape
-        draws = self._noise.normal(components * self._n * (d + RANK))
-        draws = draws.view(runs, components, self._n, d + RANK)
-        self._z, self._y = draws[..., :d], draws[..., d:]
-        spread = self._sigma.unsqueeze(2) * self._z + self._y @ self._F.mT
-        return self.mu.unsqueeze(2) + spread
+        draws = self._noise.normal(components * self._n * d)
+        self._z = draws.view(runs, components, self._n, d)
+        return self.mu.unsqueeze(2) + self._sigma * self._z
 
     def step(self, gradients, kl_weight):
-        used, (alpha, sigma_min, *_) = gradients.shape[2], self._descent
-        scaled = self._F / self._sigma.square().unsqueeze(-1)
-        small = torch.linalg.inv(torch.eye(RANK) + self._F.mT @ scaled)
-        pulled = scaled @ small  # C F
-        inverse = self._sigma.square().reciprocal() - (pulled * scaled).sum(-1)
-        own = self._precision.diagonal(self.mu.shape[-1]) - inverse
-        across = self._precision.times(self._F) - pulled
-        by_sigma = (gradients * self._z[:, :, -used:]).sum(2) + kl_weight * own * self._sigma
-        by_F = gradients.mT @ self._y[:, :, -used:] + kl_weight * across
-        self._sigma = (self._sigma - alpha * by_sigma).clamp(min=sigma_min)
-        self._F = self._F - alpha * by_F
+        used, d = gradients.shape[2:]
+        trace = self._precision.diagonal(d).sum(-1).view(-1, 1, 1, 1)
+        slope = (gradients * self._z[:, :, -used:]).sum((2, 3), keepdim=True)
+        self._sigma.grad = slope + kl_weight * (trace * self._sigma - d / self._sigma)
+        self._adam.step()
+        self._sigma.clamp_(min=self._sigma_min)
 
     @property
     def scale_tril(self):
-        covariance = torch.diag_embed(self._sigma.square()) + self._F @ self._F.mT
-        return torch.linalg.cholesky(covariance)
+        return torch.diag_embed(self._sigma.squeeze(3).expand_as(self.mu))
 
 
-COVARIANCES["low-rank"] = LowRank
+COVARIANCES["isotropic"] = Isotropic
 '''
 
-# Another optimiser for L in one file: Adam in place of plain gradient descent.
-ADAM = """
-import torch
-
-from vtlib.posteriors import COVARIANCES
-from vtlib.posteriors.dense import Dense
-
-
-class Adam(Dense):
-    def _start(self, start):
-        super()._start(start)
-        self._adam = torch.optim.Adam([self._L], lr=self._alpha)
-
-    def _descend(self, gradients, z, kl_weight):
-        diagonal = self._L.diagonal(dim1=-2, dim2=-1)
-        gradient = gradients.mT @ z + kl_weight * self._precision.times(self._L)
-        gradient.diagonal(dim1=-2, dim2=-1).sub_(kl_weight / diagonal)
-        self._L.grad = gradient.tril()
-        self._adam.step()
-        diagonal.clamp_(min=self._sigma_min)
-
-
-COVARIANCES["adam"] = Adam
-"""
-
-# Runs of the thesis' cartpoles with both, from sources that come with the book.
+# Runs of the thesis' cartpoles with it, from sources that come with the book.
 TRAIN = """
 from pathlib import Path
 
 from attrs import evolve
 
-import adam
-import low_rank
-from vtlib.experiments import returns, store
+import isotropic
 from vtbook.experiments.cartpole import CARTPOLE, CARTPOLES, GVT, MGVT
-from vtlib.experiments.whole import check_runs
+from vtlib.experiments import returns, store
 from vtlib.experiments.schedule import complete
+from vtlib.experiments.whole import check_runs
 
-MINE = evolve(
-    CARTPOLE.published,
-    name="mine",
-    algorithms={
-        f"{label}-{name}": evolve(base, covariance=name)
-        for name in ("low-rank", "adam")
-        for label, base in (
-            ("GVT", GVT),
-            ("2-MGVT", evolve(MGVT, components=2)),
-        )
-    },
-    runs=2,
-    iterations=200,
-)
+BASES = {"GVT": GVT, "2-MGVT": evolve(MGVT, components=2)}
+ALGORITHMS = {label: evolve(base, covariance="isotropic") for label, base in BASES.items()}
+MINE = evolve(CARTPOLE.published, name="mine", algorithms=ALGORITHMS, runs=2, iterations=200)
 
 if __name__ == "__main__":
     root = Path("results")
     store.save(store.path_of(CARTPOLES, "sources", root), *store.stored(CARTPOLES, "sources"))
     complete([MINE], root, jobs=1, quiet=True)
-    for label in MINE.algorithms:
+    for label in ALGORITHMS:
         found = returns(MINE, label, root)
-        assert label.endswith(found.attrs["config"]["algorithm"]["covariance"])
-        print(label, float(found.learning.isel(iteration=-1).mean()))
-    for label in MINE.algorithms:
+        assert found.attrs["config"]["algorithm"]["covariance"] == "isotropic"
         assert check_runs(MINE, label, range(2), root).alike == [0, 1], label
+        print(label, float(found.learning.isel(iteration=-1).mean()))
+"""
+
+# Whatever of the library can be imported without running it.
+IMPORTS = """
+import importlib
+import pkgutil
+import sys
+
+import vtlib
+
+for module in pkgutil.walk_packages(vtlib.__path__, "vtlib."):
+    if not module.name.endswith("__main__"):
+        importlib.import_module(module.name)
+print(*(name for name in sys.modules if name.startswith("vtbook")))
 """
 
 
-def run(folder: Path, script: str, **modules: str) -> str:
-    """What a script prints that stands with some modules in a folder; stderr must stay empty."""
-    for name, text in {**modules, "script": script}.items():
+def python(folder: Path, *arguments: str, **modules: str) -> subprocess.CompletedProcess[str]:
+    """What Python says in a folder with some modules, where nothing but results may be left."""
+    for name, text in modules.items():
         (folder / f"{name}.py").write_text(text)
-    environment = {**os.environ, "PYTHONPATH": str(ROOT), "PYTHONDONTWRITEBYTECODE": "1"}
+    path = os.pathsep.join([str(ROOT), str(folder)])
     done = subprocess.run(
-        [sys.executable, "-W", "error", "script.py"],
+        [sys.executable, "-W", "error", *arguments],
         cwd=folder,
-        env=environment,
+        env={**os.environ, "PYTHONPATH": path, "PYTHONDONTWRITEBYTECODE": "1"},
         capture_output=True,
         text=True,
         timeout=600,
     )
-    assert (done.returncode, done.stderr) == (0, ""), done.stderr
-    left = {p.name for p in folder.iterdir()} - {f"{x}.py" for x in modules}
-    assert left <= {"script.py", "results"}
-    return done.stdout
+    assert done.returncode == 0, done.stderr
+    assert {p.name for p in folder.iterdir() if p.suffix not in (".py", ".dist-info")} <= {
+        "results"
+    }
+    return done
 
 
-def test_an_experiment_in_an_environment_of_ones_own_runs_stores_and_verifies(tmp_path):
-    said = run(tmp_path, ENVIRONMENT)
-    assert said == "Run 1 of NT, computed anew just now, has the stored fingerprints.\n"
+def test_an_experiment_of_ones_own_that_a_package_offers_is_run_by_its_name(tmp_path):
+    offered = tmp_path / "corridors-1.0.dist-info"
+    offered.mkdir()
+    (offered / "METADATA").write_text("Metadata-Version: 2.1\nName: corridors\nVersion: 1.0\n")
+    (offered / "entry_points.txt").write_text("[vtlib.experiments]\nours = corridors:EXPERIMENTS\n")
+    usage = python(tmp_path, "-m", "vtlib", "verify", "--help", corridors=CORRIDORS).stdout
+    assert {"ours", "mine"} <= set(usage.replace(",", " ").split())
+    command = "-m vtlib run mine --jobs 2 --results results"
+    assert python(tmp_path, *command.split()).stdout == "mine is complete under results\n"
+    done = python(tmp_path, "script.py", script=READ)
+    said = "Run 1 of NT, computed anew just now, has the stored fingerprints.\n"
+    assert (done.stdout, done.stderr) == (said, "")
 
 
-def test_a_posterior_and_an_optimiser_of_ones_own_train(tmp_path):
-    said = run(tmp_path, TRAIN, low_rank=LOW_RANK, adam=ADAM)
-    means = dict(line.split() for line in said.splitlines())
-    assert means.keys() == {f"{x}-{y}" for x in ("GVT", "2-MGVT") for y in ("low-rank", "adam")}
+def test_an_experiment_without_a_name_trains_with_a_posterior_of_ones_own(tmp_path):
+    done = python(tmp_path, "script.py", script=TRAIN, isotropic=ISOTROPIC)
+    means = dict(line.split() for line in done.stdout.splitlines())
+    assert (means.keys(), done.stderr) == ({"GVT", "2-MGVT"}, "")
     # far more than the 20 of chance
     assert all(float(value) > 30 for value in means.values()), means
+
+
+def test_the_library_imports_nothing_of_the_book(tmp_path):
+    assert python(tmp_path, "script.py", script=IMPORTS).stdout == "\n"

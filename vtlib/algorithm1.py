@@ -4,8 +4,6 @@ Read this first. ``vtlib.transfer`` is the same algorithm for many runs at once,
 in closed form and an update of L that costs O(n d^2); the tests hold it to this file.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Iterator
 

@@ -1,7 +1,5 @@
 """Speed on one core: milliseconds per run and iteration, beside what the processor could do."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 from itertools import islice

@@ -3,8 +3,6 @@
 Configurations are stored as JSON, so their numbers are Python's: neither NumPy's, nor True for 1.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Collection
 from typing import Any, Concatenate, ParamSpec, TypeGuard, get_args
 

@@ -1,12 +1,10 @@
 """Command line: python -m vtlib run | verify | reproduce | bench."""
 
-from __future__ import annotations
-
 import argparse
 import re
 import secrets
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -18,12 +16,12 @@ from vtlib import __version__, bench
 from vtlib.checks import one_line
 from vtlib.experiments import installed, known, named, store
 from vtlib.experiments.experiment import Experiment
-from vtlib.experiments.heads import check_heads
+from vtlib.experiments.heads import verify_heads
 from vtlib.experiments.ledger import record
 from vtlib.experiments.reproduce import differing, report, reproduce
 from vtlib.experiments.schedule import complete
-from vtlib.experiments.store import check_readable, results_behind
-from vtlib.experiments.whole import verify
+from vtlib.experiments.store import check_readable
+from vtlib.experiments.whole import Whole, verify
 from vtlib.training import Diverged
 
 
@@ -35,77 +33,60 @@ def main(arguments: list[str] | None = None) -> int:
         return int(options.command(options))
     except (ValueError, OSError, store.TornResult, Diverged) as error:
         print(f"vtlib: {one_line(error)}", file=sys.stderr)
-        return 2
     except KilledWorker:
         print("vtlib: workers were killed; the same command goes on from here", file=sys.stderr)
-        return 2
+    return 2
 
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="python -m vtlib", description=__doc__)
     parser.add_argument("--version", action="version", version=f"vtlib {__version__}")
     commands = parser.add_subparsers(required=True, metavar="command")
-    run = commands.add_parser("run", help="compute what an experiment still lacks, and store it")
     names = ", ".join([*installed(), *known()])
+    run = commands.add_parser("run", help="compute what an experiment still lacks, and store it")
     run.add_argument("experiment", help=f"one of {names}")
-    run.set_defaults(command=_run)
-    verify = commands.add_parser(
-        "verify",
-        help="recompute one whole run of every stored result, drawn at random",
-        epilog=f"Experiments: {names}",
-    )
+    told = "recompute one whole run of every stored result, drawn at random"
+    verify = commands.add_parser("verify", help=told, epilog=f"Experiments: {names}")
     verify.add_argument("experiment", nargs="*", help="all when none is named")
     how = verify.add_mutually_exclusive_group()
     how.add_argument("--whole", action="store_true", help="all runs, whole")
     how.add_argument("--heads", action="store_true", help="the first iterations of all runs")
-    how.add_argument("--seed", type=_natural, help="draw the runs that this number drew before")
-    verify.add_argument(
-        "--record", action="store_true", help="note in the results' folder what was computed anew"
-    )
-    verify.set_defaults(command=_verify)
+    told = "draw the runs that this number drew before"
+    how.add_argument("--seed", type=_at_least(0), help=told)
+    told = "note in the results' folder what was computed anew"
+    verify.add_argument("--record", action="store_true", help=told)
     again = commands.add_parser("reproduce", help="compute everything anew and compare")
-    again.add_argument(
-        "--only",
-        action="append",
-        metavar="EXPERIMENT",
-        help="may be repeated",
-    )
-    again.add_argument("--runs", type=_positive, help="only the first so many of each experiment")
-    again.add_argument(
-        "--fresh",
-        type=Path,
-        help="where to compute it: _build/reproduced, or _build/reproduced-N with --runs N",
-    )
-    again.set_defaults(command=_reproduce)
+    again.add_argument("--only", action="append", metavar="EXPERIMENT", help="may be repeated")
+    told = "only the first so many of each experiment"
+    again.add_argument("--runs", type=_at_least(1), help=told)
+    told = "where to compute it: _build/reproduced, or _build/reproduced-N with --runs N"
+    again.add_argument("--fresh", type=Path, help=told)
+    speed = commands.add_parser("bench", help="milliseconds per run and iteration on one core")
+    for command, work in ((run, _run), (verify, _verify), (again, _reproduce), (speed, _bench)):
+        command.set_defaults(command=work)
     for command in (run, verify, again):
         command.add_argument("--results", type=Path, default=store.results_folder())
     for command in (run, again):
         where = command.add_mutually_exclusive_group()
-        where.add_argument("--jobs", type=_positive, help="processes; one per core if not given")
+        told = "processes; one per core if not given"
+        where.add_argument("--jobs", type=_at_least(1), help=told)
         where.add_argument(
             "--scheduler", metavar="ADDRESS", help="of a Dask cluster to use instead"
         )
-        command.add_argument(
-            "--device",
-            type=_device,
-            default="cpu",
-            help="where posteriors and their networks are kept: cpu, or cuda",
-        )
-    speed = commands.add_parser("bench", help="milliseconds per run and iteration on one core")
-    speed.set_defaults(command=lambda options: bench.main())
+        told = "where posteriors and their networks are kept: cpu, or cuda"
+        command.add_argument("--device", type=_device, default="cpu", help=told)
     return parser
 
 
-def _positive(text: str) -> int:
-    if not text.isdecimal() or int(text) < 1:
-        raise argparse.ArgumentTypeError(f"must be a whole number of at least 1, got {text!r}")
-    return int(text)
+def _at_least(least: int) -> Callable[[str], int]:
+    def whole(text: str) -> int:
+        if not text.isdecimal() or int(text) < least:
+            raise argparse.ArgumentTypeError(
+                f"must be a whole number of at least {least}, got {text!r}"
+            )
+        return int(text)
 
-
-def _natural(text: str) -> int:
-    if not text.isdecimal():
-        raise argparse.ArgumentTypeError(f"must be a whole number of at least 0, got {text!r}")
-    return int(text)
+    return whole
 
 
 def _device(text: str) -> str:
@@ -134,42 +115,43 @@ def _chosen(names: list[str] | None) -> list[Experiment]:
 
 
 def _verify(options: argparse.Namespace) -> int:
-    experiments = _chosen(options.experiment)
-    check_readable(options.results)
+    experiments, root = _chosen(options.experiment), options.results
+    check_readable(root)
+    if options.heads:
+        results = verify_heads(*experiments, root=root)
+    else:
+        results = verify(*experiments, root=root, rng=None if options.whole else _drawing(options))
     bad = 0
-    for name, wrong, outcome in (_heads if options.heads else _whole)(experiments, options):
-        bad += wrong
-        print(f"{name}: {outcome}", flush=True)
+    for owner, label, found in results:
+        if options.record and not options.heads:
+            record(owner, label, found, root)
+        said = _told_of_heads(found) if options.heads else _told(found)
+        print(f"{owner.name}/{label}: {said}", flush=True)
+        bad += len(found.wrong)
     return 1 if bad else 0
 
 
-def _heads(
-    experiments: list[Experiment], options: argparse.Namespace
-) -> Iterator[tuple[str, int, str]]:
-    """Of each result its name, how many heads are wrong, and what to say."""
-    for owner, label in results_behind(experiments):
-        wrong, parted = check_heads(owner, label, options.results)
-        outcome = f"differs in {wrong}" if wrong else "heads verified"
-        beside = f", {parted} until rounding parted them" if parted else ""
-        yield f"{owner.name}/{label}", len(wrong), outcome + beside
+def _drawing(options: argparse.Namespace) -> np.random.Generator:
+    """What draws a run of each result, and is printed so that it can draw them again."""
+    seed = secrets.randbits(32) if options.seed is None else options.seed
+    print(f"one run of each result, drawn with --seed {seed}", flush=True)
+    return np.random.default_rng(seed)
 
 
-def _whole(
-    experiments: list[Experiment], options: argparse.Namespace
-) -> Iterator[tuple[str, int, str]]:
-    """The same of whole runs: one of each result, or all."""
-    rng = None
-    if not options.whole:
-        seed = secrets.randbits(32) if options.seed is None else options.seed
-        rng = np.random.default_rng(seed)
-        print(f"one run of each result, drawn with --seed {seed}", flush=True)
-    for owner, label, found in verify(*experiments, root=options.results, rng=rng):
-        if options.record:
-            record(owner, label, found, options.results)
-        said = [f"{found.alike} verified whole"] if found.alike else []
-        said += [f"{m} verified until rounding parts it at {t:,}" for m, t in found.parted.items()]
-        said += [f"{m} DIFFERS: {what}" for m, what in found.wrong.items()]
-        yield f"{owner.name}/{label}", len(found.wrong), ", ".join(said)
+def _told(found: Whole) -> str:
+    said = [f"{found.alike} verified whole"] if found.alike else []
+    said += [f"{m} verified until rounding parts it at {t:,}" for m, t in found.parted.items()]
+    said += [f"{m} DIFFERS: {what}" for m, what in found.wrong.items()]
+    return ", ".join(said)
+
+
+def _told_of_heads(found: Whole) -> str:
+    said = f"differs in {sorted(found.wrong)}" if found.wrong else "heads verified"
+    return said + (f", {list(found.parted)} until rounding parted them" if found.parted else "")
+
+
+def _bench(_: argparse.Namespace) -> int:
+    return bench.main()
 
 
 def _reproduce(options: argparse.Namespace) -> int:

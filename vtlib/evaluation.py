@@ -1,7 +1,5 @@
 """The greedy return: what the policy of the mean Q-function earns, on random numbers of its own."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import torch

@@ -1,12 +1,11 @@
 """Solve, transfer and evaluate on ordinary Gymnasium environments, one call each."""
 
-from __future__ import annotations
-
 import io
 import zipfile
 from collections.abc import Callable, Sequence
 from itertools import islice
 from pathlib import Path
+from typing import Self
 
 import attrs
 import gymnasium
@@ -14,6 +13,7 @@ import numpy as np
 import torch
 from attrs import evolve, frozen
 from torch import Tensor
+from tqdm import tqdm
 
 from vtlib.baselines import DDQNSettings, FineTuning, LearnerSettings, MellowTDSettings
 from vtlib.checks import check_kind, check_weights, check_whole
@@ -61,7 +61,7 @@ class Learned:
         write_bytes(Path(path), buffer.getvalue())
 
     @classmethod
-    def load(cls, path: str | Path) -> Learned:
+    def load(cls, path: str | Path) -> Self:
         """What was saved; TornResult names a file that is not whole or holds something else."""
         try:
             whole = io.BytesIO(Path(path).read_bytes())
@@ -83,13 +83,14 @@ def solve(
     *,
     seed: int = 0,
     callback: Callback | None = None,
+    progress: bool = False,
 ) -> Learned:
     """Learn each environment from scratch, by mellow TD unless settings say DDQN.
 
     All start from one common initialisation, which keeps the hidden units of a network comparable
     between sources. callback is told the iteration and the mean returns (R,) every 100 iterations,
-    and ends the learning by returning False. Raises ValueError for spaces other than Box and
-    Discrete, a Q-function of other sizes, or an environment that is given twice.
+    and ends the learning by returning False; progress shows a bar. Raises ValueError for spaces
+    other than Box and Discrete, a Q-function of other sizes, or an environment that is given twice.
     """
     check_whole("iterations", iterations)
     settings = settings or MellowTDSettings(epsilon_steps=max(1, iterations // 2))
@@ -98,7 +99,7 @@ def solve(
     episodes, rng = _episodes(envs, q, name, settings.gamma), Rng(name, range(len(envs)))
     start = 0.1 * Rng(name, [0]).stream("initial weights").normal(q.d).expand(len(envs), -1)
     agent = settings.agent(q, start, episodes.obs_dim, rng)
-    return _learn(agent, episodes, iterations, name, callback)
+    return _learn(agent, episodes, iterations, name, callback, progress)
 
 
 def transfer(
@@ -111,6 +112,7 @@ def transfer(
     trials: int = 20,
     seed: int = 0,
     callback: Callback | None = None,
+    progress: bool = False,
     device: str = "cpu",
 ) -> Learned:
     """Learn each environment with a prior from solved sources (S, d): Algorithm 1, made safe.
@@ -147,7 +149,7 @@ def transfer(
     assert settings is not None
     episodes, rng = _episodes(envs, q, name, gamma), Rng(name, range(len(envs)))
     agent = settings.agent(q, shared.to(device), episodes.obs_dim, rng)
-    learned = _learn(agent, episodes, iterations, name, callback)
+    learned = _learn(agent, episodes, iterations, name, callback, progress)
     learned = evolve(learned, steps=learned.steps + steps)
     if not trials:
         return learned
@@ -260,11 +262,17 @@ def _episodes(envs: Sequence[gymnasium.Env], q: QFunction, name: str, gamma: flo
 
 
 def _learn(
-    agent: Agent, episodes: GymEpisodes, iterations: int, name: str, callback: Callback | None
+    agent: Agent,
+    episodes: GymEpisodes,
+    iterations: int,
+    name: str,
+    callback: Callback | None,
+    progress: bool,
 ) -> Learned:
     runs, times, returns = len(agent.mu), [], []
     names, done = [f"run {r} of {name}" for r in range(runs)], 0
-    for t in islice(iterate(agent, episodes), iterations):
+    loop = islice(iterate(agent, episodes), iterations)
+    for t in tqdm(loop, total=iterations, disable=not progress):
         done = t
         if t % EVERY == 0:
             check_finite(agent.mu, names, t)

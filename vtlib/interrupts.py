@@ -4,8 +4,6 @@ An orderly end would wait for workers, which are what one may want to be rid of.
 their names only when they are complete, so nothing has to be tidied up but processes and scratch.
 """
 
-from __future__ import annotations
-
 import contextlib
 import multiprocessing
 import os

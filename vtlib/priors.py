@@ -4,8 +4,6 @@ Both give the same to a posterior: where to start, the precision that its factor
 the gradient of the divergence with respect to its means.
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

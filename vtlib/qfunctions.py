@@ -6,8 +6,6 @@ each of R runs. Observations are (R, B, obs_dim) and shared by the K vectors. Va
 (R, K, A, B), actions before states, so that reductions over actions run along contiguous memory.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from itertools import pairwise
 from typing import Protocol

@@ -1,7 +1,5 @@
 """Replay buffers of many runs that advance in lock-step."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """Random streams: one generator per run and role, so that runs never disturb each other."""
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Sequence
 

@@ -14,8 +14,6 @@ length of the rows of L, averaged along the eigenvectors. For rows of one length
 grows above that.
 """
 
-from __future__ import annotations
-
 import torch
 from torch import Tensor
 

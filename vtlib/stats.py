@@ -1,7 +1,5 @@
 """Summaries over independent runs: the thesis' mean and interval, and a test for two samples."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

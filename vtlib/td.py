@@ -1,7 +1,5 @@
 """Temporal-difference errors under the mellow Bellman operator, and their psi-mixed gradients."""
 
-from __future__ import annotations
-
 import math
 
 import torch

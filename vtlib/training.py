@@ -1,7 +1,5 @@
 """The loop that all experiments share: act, step, learn, and record the returns along the way."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass

@@ -37,59 +37,37 @@ class Counters:
         return Counters(self._ends[index].tolist())
 
 
-NEVER = 99
+def episodes(ends: list[int]) -> Episodes:
+    noise, starts = (Stream("t", list(range(len(ends))), role) for role in ("n", "s"))
+    return Episodes(Counters(ends), noise, starts, record=True)
 
 
-def episodes(ends: list[int], runs: list[int] | None = None, **options) -> Episodes:
-    names = list(range(len(ends))) if runs is None else runs
-    return Episodes(Counters(ends), Stream("t", names, "n"), Stream("t", names, "s"), **options)
-
-
-def still(runs: int) -> Tensor:
-    return torch.zeros(runs, dtype=torch.int64)
-
-
-def test_a_terminal_state_ends_an_episode_and_the_next_begins():
-    lock = episodes([2, 3])
-    assert lock.fresh.tolist() == [True, True]
-    counts, flags = [], []
+def test_a_terminal_state_or_the_horizon_ends_an_episode_and_the_next_begins():
+    lock = episodes([2, 3, 99])
+    assert lock.fresh.tolist() == [True] * 3
+    terminated, fresh = [], []
     for _ in range(6):
-        before, transition = lock.obs.clone(), lock.step(torch.tensor([1, 2]))
+        before, transition = lock.obs, lock.step(torch.tensor([1, 2, 0]))
         # the transition shows where the episode ended, obs where the next begins
         assert torch.equal(transition.obs, before)
-        assert transition.reward.tolist() == [2.0, 3.0]
-        counts.append((transition.next_obs[:, 1] / 10).tolist())
-        flags.append((transition.terminated.tolist(), lock.fresh.tolist()))
+        assert transition.reward.tolist() == [2, 3, 1]
+        assert torch.equal(transition.next_obs, lock.visited[:, -1])
         assert torch.equal(lock.fresh, lock.obs[:, 1] == 0)
         assert torch.equal(lock.obs[~lock.fresh], transition.next_obs[~lock.fresh])
-    assert counts == [[1, 1], [2, 2], [1, 3], [2, 1], [1, 2], [2, 3]]
-    assert [ended for ended, _ in flags] == [fresh for _, fresh in flags]
-    assert flags[1] == ([True, False], [True, False])
-    assert flags[2] == ([False, True], [False, True])
-
-
-def test_the_horizon_truncates_without_a_terminal_state():
-    lock = episodes([NEVER])
-    for t in range(1, 11):
-        transition = lock.step(still(1))
-        assert not transition.terminated.any()
-        assert transition.next_obs[0, 1] == 10 * (1 + (t - 1) % 5)
-        assert lock.fresh.item() == (t % 5 == 0)
-
-
-def test_starts_do_not_depend_on_the_neighbours_episodes():
-    together, alone = episodes([2, 3, NEVER]), episodes([3], runs=[1])
-    for _ in range(20):
-        assert torch.equal(together.obs[1], alone.obs[0])
-        together.step(still(3))
-        alone.step(still(1))
+        terminated.append(transition.terminated)
+        fresh.append(lock.fresh)
+    counts = torch.tensor([[1, 2, 1, 2, 1, 2], [1, 2, 3, 1, 2, 3], [1, 2, 3, 4, 5, 1]])
+    assert torch.equal(lock.visited[..., 1] / 10, counts.float())
+    ends = torch.tensor([[2], [3], [99]])
+    assert torch.equal(torch.stack(terminated, 1), counts == ends)
+    assert torch.equal(torch.stack(fresh, 1), counts == ends.clamp(max=Counters.horizon))
 
 
 def test_learning_return_against_a_plain_list():
     g = torch.Generator().manual_seed(0)
     runs, window, gamma = 3, 5, 0.9
     returns = Returns(runs, gamma, window)
-    lists: list[list[float]] = [[] for _ in range(runs)]
+    finished: list[list[float]] = [[] for _ in range(runs)]
     rewards: list[list[float]] = [[] for _ in range(runs)]
     for _ in range(200):
         reward, done = torch.randn(runs, generator=g), torch.rand(runs, generator=g) < 0.2
@@ -97,26 +75,17 @@ def test_learning_return_against_a_plain_list():
         for r in range(runs):
             rewards[r].append(reward[r].item())
             if done[r]:
-                lists[r].append(sum(gamma**t * x for t, x in enumerate(rewards[r])))
+                finished[r].append(sum(gamma**t * x for t, x in enumerate(rewards[r])))
                 rewards[r] = []
-        expected = [sum(x[-window:]) / max(1, len(x[-window:])) for x in lists]
+        expected = [np.mean(x[-window:] or [0.0]) for x in finished]
         assert returns.mean().tolist() == pytest.approx(expected, abs=1e-5)
 
 
-def test_recording_changes_nothing_and_holds_what_was_arrived_at():
-    plain, kept = episodes([2, NEVER]), episodes([2, NEVER], record=True)
-    for action in torch.randint(3, (6, 2), generator=torch.Generator().manual_seed(0)):
-        assert all(map(torch.equal, kept.step(action), plain.step(action)))
-        assert torch.equal(kept.obs, plain.obs)
-    # run 0 ends at its second step, run 1 at the horizon of five; a start would be a zero
-    assert (kept.visited[..., 1] / 10).tolist() == [[1, 2, 1, 2, 1, 2], [1, 2, 3, 4, 5, 1]]
-
-
 def test_runs_that_are_kept_go_on_as_before():
-    whole, part = episodes([2, 3, NEVER], record=True), episodes([2, 3, NEVER], record=True)
+    whole, part = episodes([2, 3, 99]), episodes([2, 3, 99])
     for t in range(12):
-        whole.step(still(3))
-        part.step(still(len(part.obs)))
+        for some in (whole, part):
+            some.step(torch.zeros(len(some.obs), dtype=torch.int64))
         if t == 4:
             part.keep([2, 0])
     assert torch.equal(part.obs, whole.obs[[2, 0]])
@@ -128,37 +97,30 @@ def test_runs_that_are_kept_go_on_as_before():
 # --- ordinary Gymnasium environments -----------------------------------------------------------
 
 
-def cartpoles(count: int, limit: int = 500) -> list[gymnasium.Env]:
-    return [gymnasium.make("CartPole-v1", max_episode_steps=limit) for _ in range(count)]
+def cartpole() -> gymnasium.Env:
+    return gymnasium.make("CartPole-v1", max_episode_steps=25)
 
 
 def test_gym_episodes_equal_a_loop_over_each_environment():
-    lock = GymEpisodes(cartpoles(2), seeds=[5, 6], gamma=0.9)
+    lock = GymEpisodes([cartpole(), cartpole()], seeds=[5, 6], gamma=0.9)
     assert (lock.obs_dim, lock.n_actions) == (4, 2)
-    g = torch.Generator().manual_seed(0)
-    actions = torch.randint(2, (120, 2), generator=g)
-    seen = [(lock.obs, lock.step(a), lock.obs, lock.fresh) for a in actions]
+    actions = torch.randint(2, (120, 2), generator=torch.Generator().manual_seed(0))
+    seen = [(lock.obs, lock.step(a), lock.fresh) for a in actions]
     for r, seed in enumerate((5, 6)):
-        (env,) = cartpoles(1)
+        env, returns, ends = cartpole(), Returns(1, 0.9, 50), set()
         obs, _ = env.reset(seed=seed)
-        for t, (before, transition, _, _) in enumerate(seen):
+        for action, (before, transition, fresh) in zip(actions[:, r], seen, strict=True):
             assert np.array_equal(before[r], obs)
-            after, reward, terminated, truncated, _ = env.step(actions[t, r].item())
+            after, reward, terminated, truncated, _ = env.step(action.item())
             assert np.array_equal(transition.next_obs[r], after)
             assert transition.reward[r] == reward
             assert transition.terminated[r] == terminated
-            obs = env.reset()[0] if terminated or truncated else after
-    ends = torch.stack([fresh for *_, fresh in seen]).sum(0)
-    assert (ends > 2).all()
-
-
-def test_gym_truncation_is_not_terminal():
-    lock = GymEpisodes(cartpoles(1, limit=4), seeds=[0], gamma=0.9)
-    for t in range(1, 13):
-        transition = lock.step(torch.tensor([t % 2]))
-        assert not transition.terminated.item()
-        assert lock.fresh.item() == (t % 4 == 0)
-    assert lock.returns.mean().item() == pytest.approx(1 + 0.9 + 0.81 + 0.729)
+            assert fresh[r] == (terminated or truncated)
+            returns.add(torch.tensor([reward]), fresh[[r]])
+            ends.add((terminated, truncated))
+            obs = env.reset()[0] if fresh[r] else after
+        assert ends >= {(True, False), (False, True)}
+        assert lock.returns.mean()[r] == returns.mean()
 
 
 class Reuses(gymnasium.Env):
@@ -203,21 +165,18 @@ BOX, TWO = gymnasium.spaces.Box(-1, 1, (1,), np.float32), gymnasium.spaces.Discr
 
 
 @pytest.mark.parametrize(
-    ("observations", "actions", "message"),
+    ("envs", "message"),
     [
-        (TWO, TWO, "one-dimensional Box observation space, got"),
-        (gymnasium.spaces.Box(-1, 1, (2, 2)), TWO, "one-dimensional Box observation space, got"),
-        (BOX, BOX, "Discrete action space, got"),
+        ([Spaces(TWO, TWO)], "one-dimensional Box observation space, got"),
+        ([Spaces(gymnasium.spaces.Box(-1, 1, (2, 2)), TWO)], "one-dimensional Box observation"),
+        ([Spaces(BOX, BOX)], "Discrete action space, got"),
+        (
+            [Spaces(BOX, TWO), Spaces(BOX, gymnasium.spaces.Discrete(3))],
+            "must have the same spaces",
+        ),
+        ([Spaces(BOX, TWO), Spaces(BOX, TWO)], "shorter"),  # one seed for two
     ],
 )
-def test_gym_observations_are_a_vector_and_actions_discrete(observations, actions, message):
+def test_gym_spaces_are_of_the_one_kind_and_each_environment_has_a_seed(envs, message):
     with pytest.raises(ValueError, match=message):
-        GymEpisodes([Spaces(observations, actions)], seeds=[0])
-
-
-def test_gym_needs_equal_spaces_and_one_seed_for_each_environment():
-    other = Spaces(BOX, gymnasium.spaces.Discrete(3))
-    with pytest.raises(ValueError, match="same"):
-        GymEpisodes([Spaces(BOX, TWO), other], seeds=[0, 1])
-    with pytest.raises(ValueError):
-        GymEpisodes(cartpoles(2), seeds=[0])
+        GymEpisodes(envs, seeds=[0])

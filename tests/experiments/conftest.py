@@ -3,39 +3,29 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 
 import pytest
 from distributed import LocalCluster
 
-from vtlib.experiments import schedule
+from vtlib.experiments import schedule, store
 from vtlib.experiments.experiment import Experiment
 
 
-def cluster(workers: int, **options: bool) -> LocalCluster:
+@pytest.fixture(scope="session")
+def cluster() -> Callable[..., LocalCluster]:
     """A Dask cluster of this machine, such as somebody else has started."""
-    return LocalCluster(
-        workers,
-        threads_per_worker=1,
-        dashboard_address="127.0.0.1:0",
-        scheduler_kwargs={"dashboard": False},
-        **options,
-    )
+    alone = {"dashboard_address": "127.0.0.1:0", "scheduler_kwargs": {"dashboard": False}}
+    return partial(LocalCluster, threads_per_worker=1, **alone)
 
 
 @pytest.fixture(scope="session")
-def here() -> Iterator[str]:
+def here(cluster: Callable[..., LocalCluster]) -> Iterator[str]:
     """The address of a cluster whose one worker is a thread of this process."""
-    with cluster(1, processes=False) as local:
+    with cluster(n_workers=1, processes=False) as local:
         yield local.scheduler_address
-
-
-@pytest.fixture
-def there() -> Iterator[LocalCluster]:
-    """A cluster of two processes."""
-    with cluster(2) as local:
-        yield local
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -58,3 +48,16 @@ def computed(tiny: Experiment, here: str, tmp_path_factory: pytest.TempPathFacto
 def stored(computed: Path, tmp_path: Path) -> Path:
     """A copy of them, which may be changed."""
     return shutil.copytree(computed, tmp_path / "stored")
+
+
+@pytest.fixture
+def rewrite(stored: Path) -> Callable[..., None]:
+    """Store a result with other arrays, or without one, as somebody who knows its digest would."""
+
+    def change(name: str, **changes: object) -> None:
+        arrays, note = store.read(stored / name)
+        store.remove(stored / name)
+        kept = {key: x for key, x in {**arrays, **changes}.items() if x is not None}
+        store.save(stored / name, kept, note)
+
+    return change

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import json
 import re
-from pathlib import Path
 from types import SimpleNamespace
 
-import numpy as np
 import pytest
 import torch
 from attrs import evolve
@@ -16,8 +13,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from vtbook.experiments import EXPERIMENTS, THESIS
-from vtlib import __version__, bench, cli
-from vtlib.experiments import run, schedule, store
+from vtlib import __version__, bench, cli, experiments
+from vtlib.experiments import installed, run, schedule, store
 from vtlib.experiments.ledger import recorded
 
 RESULTS = ("tiny-pool/sources", "tiny/tasks", "tiny/NT", "tiny/GVT")
@@ -29,9 +26,8 @@ def small(tiny, here):
     some = evolve(tiny, algorithms={label: tiny.algorithms[label] for label in ("NT", "GVT")})
     cluster = schedule._cluster
     with pytest.MonkeyPatch.context() as monkeypatch:
-        for name in list(EXPERIMENTS):
-            monkeypatch.delitem(EXPERIMENTS, name)
-        monkeypatch.setitem(EXPERIMENTS, "tiny", some)
+        for user in (experiments, cli):
+            monkeypatch.setattr(user, "installed", lambda: {"mine": {"tiny": some}})
         monkeypatch.setattr(schedule, "_cluster", lambda jobs, _, bar: cluster(jobs, here, bar))
         yield some
 
@@ -51,13 +47,6 @@ def refused(capsys: pytest.CaptureFixture[str], *arguments: object) -> str:
     return line
 
 
-def rewrite(path: Path, **changes: np.ndarray) -> None:
-    """Store a result with other arrays, as somebody would who knows its digest."""
-    arrays, note = store.read(path)
-    store.remove(path)
-    store.save(path, {**arrays, **changes}, note)
-
-
 def test_run_says_where_the_results_are_and_touches_what_is_complete(stored, capsys):
     before = {p: p.stat().st_mtime_ns for p in stored.rglob("*")}
     assert main("run", "tiny", "--results", stored) == 0
@@ -65,24 +54,23 @@ def test_run_says_where_the_results_are_and_touches_what_is_complete(stored, cap
     assert {p: p.stat().st_mtime_ns for p in stored.rglob("*")} == before
 
 
-def test_verify_names_what_differs(stored, capsys):
-    for names in (["tiny", "tiny"], []):
+def test_verify_names_what_differs(stored, rewrite, capsys):
+    for names in (["tiny", "mine"], []):
         assert main("verify", *names, "--whole", "--results", stored) == 0
         said = "[0, 1, 2] verified whole"
         assert capsys.readouterr().out == "".join(f"{name}: {said}\n" for name in RESULTS)
     prints = store.read(stored / "tiny/GVT")[0]["fingerprints"]
     prints[1, 0, 2] += 0.1
-    rewrite(stored / "tiny/GVT", fingerprints=prints)
+    rewrite("tiny/GVT", fingerprints=prints)
     assert main("verify", "tiny", "--heads", "--results", stored) == 1
-    lines = capsys.readouterr().out.splitlines()
-    said = {name: "differs in [1]" if "GVT" in name else "heads verified" for name in RESULTS}
-    assert lines == [f"{x}: {said[x]}" for x in RESULTS]
+    *others, last = capsys.readouterr().out.splitlines()
+    assert others == [f"{name}: heads verified" for name in RESULTS[:3]]
+    assert last == "tiny/GVT: differs in [1]"
     assert main("verify", "tiny", "--whole", "--results", stored) == 1
-    line = next(x for x in capsys.readouterr().out.splitlines() if "tiny/GVT" in x)
     assert re.fullmatch(
         r"tiny/GVT: \[0, 2\] verified whole, "
         r"1 DIFFERS: fingerprints at iteration 1 is [-.\d]+, anew [-.\d]+",
-        line,
+        capsys.readouterr().out.splitlines()[-1],
     )
 
 
@@ -92,22 +80,31 @@ def test_verify_draws_a_run_of_each_result_and_can_draw_it_again(small, stored, 
     seed = re.fullmatch(r"one run of each result, drawn with --seed (\d+)", first)[1]
     assert main("verify", "tiny", "--results", stored, "--seed", seed) == 0
     assert capsys.readouterr().out.splitlines() == [first, *lines]
-    drawn = {
-        line.rsplit(": ", 1)[0]: re.search(r"\[(\d)\] verified whole", line)[1] for line in lines
-    }
-    assert {x["result"]: x["member"] for x in recorded(store.results_of(small), stored)} == drawn
+    noted = recorded(store.results_of(small), stored)
+    said = {f"{line['result']}: [{line['member']}] verified whole" for line in noted}
+    assert said == set(lines)
+    assert len(lines) == 4
 
 
-def test_reproduce_computes_anew_and_names_what_differs(stored, tmp_path, capsys, monkeypatch):
+def test_what_rounding_has_parted_is_said():
+    heads = cli.Whole([0], {1: 48, 2: 48}, {})
+    assert cli._told_of_heads(heads) == "heads verified, [1, 2] until rounding parted them"
+    whole = cli.Whole([0], {2: 5_099}, {})
+    assert cli._told(whole) == "[0] verified whole, 2 verified until rounding parts it at 5,099"
+
+
+def test_reproduce_computes_anew_and_names_what_differs(
+    stored, rewrite, tmp_path, capsys, monkeypatch
+):
     monkeypatch.chdir(tmp_path)
-    arguments = ["reproduce", "--only", "tiny", "--results", stored]
+    arguments = ["reproduce", "--only", "mine", "--only", "tiny", "--results", stored]
     assert main(*arguments, "--fresh", tmp_path / "fresh") == 0
     lines = capsys.readouterr().out.splitlines()
     assert re.fullmatch(r"tiny: \d+ s of one core, \d+ MB at most in a process", lines[2])
     assert lines.count("  sources: identical") == lines.count("  GVT: identical") == 1
     assert lines[-1].startswith("4 results compared, none differs")
     chosen = store.read(stored / "tiny/tasks")[0]["sources"]
-    rewrite(stored / "tiny/tasks", sources=chosen[:, ::-1])
+    rewrite("tiny/tasks", sources=chosen[:, ::-1])
     assert main(*arguments, "--runs", 1) == 1
     out = capsys.readouterr().out
     assert "  tasks: DIFFERENT: 1 of 1 differ, number 0 first: sources is " in out
@@ -116,21 +113,18 @@ def test_reproduce_computes_anew_and_names_what_differs(stored, tmp_path, capsys
     assert len(store.read(fresh / "tiny/GVT")[0]["run"]) == 1
 
 
-def test_reproduce_knows_the_thesis_own_figures(stored, tmp_path, capsys, monkeypatch):
+def test_the_book_offers_its_experiments_and_the_thesis_own_figures():
+    assert installed() == {"book": EXPERIMENTS, "thesis": THESIS}
     assert {"rooms-evaluation", "cartpole-equations", "mountain-car", "maze-8"} <= set(THESIS)
     assert "rooms-ingredients" not in THESIS
-    monkeypatch.setattr(cli, "THESIS", ["tiny"])
-    arguments = ["reproduce", "--only", "thesis", "--only", "tiny", "--results", stored]
-    assert main(*arguments, "--fresh", tmp_path / "fresh") == 0
-    assert capsys.readouterr().out.splitlines()[-1].startswith("4 results compared, none differs")
 
 
 COMMANDS = (["run"], ["verify"], ["reproduce", "--only"])
+NAMES = st.text(max_size=20).filter(lambda text: text not in ("tiny", "mine"))
 
 
 @settings(deadline=None, derandomize=True, max_examples=25)
-@given(st.text(max_size=20).filter(lambda text: text != "tiny" and not text.startswith("-")))
-@pytest.mark.parametrize("command", COMMANDS)
+@given(st.sampled_from(COMMANDS), NAMES.filter(lambda text: not text.startswith("-")))
 def test_an_unknown_experiment_is_refused_before_any_work(command, name):
     with pytest.MonkeyPatch.context() as monkeypatch:
         lines = []
@@ -152,6 +146,7 @@ def test_an_unknown_experiment_is_refused_before_any_work(command, name):
             for jobs in ("-3", "0", "2.5", "", "²")
         ),
         (["reproduce", "--runs", "0"], "must be a whole number of at least 1, got '0'"),
+        (["verify", "--seed=-1"], "must be a whole number of at least 0, got '-1'"),
         *(
             (["run", "tiny", "--device", device], f"must be cpu, cuda or cuda:N, got {device!r}")
             for device in ("gpu", "cuda:", "cuda:-1", "cuda:²", "meta", "")
@@ -167,13 +162,20 @@ def test_arguments_that_are_none_end_with_the_usage(capsys, arguments, said):
     assert said in line
 
 
-def test_help_names_the_commands_and_experiments(capsys):
-    for arguments, words in (((), ("run", "verify", "reproduce", "bench")), (("run",), ("tiny",))):
-        with pytest.raises(SystemExit) as ended:
-            main(*arguments, "--help")
-        assert ended.value.code == 0
-        out = capsys.readouterr().out
-        assert all(word in out for word in words)
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--help"], ("run", "verify", "reproduce", "bench")),
+        (["run", "--help"], ("mine", "tiny")),
+        (["--version"], (f"vtlib {__version__}\n",)),
+    ],
+)
+def test_help_names_the_commands_and_experiments(capsys, arguments, words):
+    with pytest.raises(SystemExit) as ended:
+        main(*arguments)
+    out = capsys.readouterr().out
+    assert ended.value.code == 0
+    assert all(word in out for word in words)
 
 
 def test_verify_names_a_result_that_is_not_there(stored, capsys):
@@ -182,63 +184,31 @@ def test_verify_names_a_result_that_is_not_there(stored, capsys):
     assert line == f"vtlib: no stored result at {stored / 'tiny/tasks'}"
 
 
-def tear(root: Path, name: str, how: str) -> None:
-    npz, note = root / f"{name}.npz", root / f"{name}.json"
-    if how == "npz cut":
-        npz.write_bytes(npz.read_bytes()[:-10])
-    elif how == "npz missing":
-        npz.unlink()
-    elif how == "json cut":
-        note.write_bytes(note.read_bytes()[:-10])
-    elif how == "nested deeply":
-        note.write_text(
-            note.read_text().replace('"config": {', f'"config": {"[" * 900}{"]" * 900}, "c": {{')
-        )
-    else:
-        stored = json.loads(note.read_text())
-        stored["config"]["runs" if "runs" in stored["config"] else "count"] += 1
-        note.write_text(json.dumps(stored))
-
-
 @pytest.mark.parametrize(
-    ("name", "how"),
+    ("file", "was", "now"),
     [
-        ("tiny-pool/sources", "npz cut"),
-        ("tiny/tasks", "npz missing"),
-        ("tiny/GVT", "json cut"),
-        ("tiny/NT", "nested deeply"),
-        ("tiny-pool/sources", "another configuration"),
-        ("tiny/tasks", "another configuration"),
-        ("tiny/GVT", "another configuration"),
+        ("tiny-pool/sources.npz", b"PK", b"pk"),
+        ("tiny-pool/sources.json", b'"count": 3', b'"count": 4'),
+        ("tiny/GVT.json", b'"runs": 3', b'"runs": 4'),
     ],
 )
-def test_a_torn_result_is_refused_and_left_as_it_is(stored, capsys, name, how):
-    tear(stored, name, how)
+def test_a_torn_result_is_refused_and_left_as_it_is(stored, capsys, file, was, now):
+    path = stored / file
+    path.write_bytes(path.read_bytes().replace(was, now))
     before = {p: p.read_bytes() for p in stored.rglob("*.*")}
-    for command in (
-        ("verify", "--results"),
-        ("run", "tiny", "--results"),
-        ("reproduce", "--fresh"),
-    ):
-        assert str(stored / name) in refused(capsys, *command, stored)
+    for command in ("verify --results", "run tiny --results", "reproduce --fresh"):
+        assert str(path.with_suffix("")) in refused(capsys, *command.split(), stored)
     assert {p: p.read_bytes() for p in stored.rglob("*.*")} == before
 
 
 def test_a_run_that_diverges_is_one_line_without_a_traceback(small, stored, capfd, monkeypatch):
     wild = evolve(small, algorithms={"NT": evolve(small.algorithms["NT"], alpha=1e38)})
-    monkeypatch.setitem(EXPERIMENTS, "tiny", wild)
+    monkeypatch.setattr(experiments, "installed", lambda: {"mine": {"tiny": wild}})
     store.remove(stored / "tiny/NT")
     assert main("run", "tiny", "--results", stored) == 2
     error = capfd.readouterr().err
     assert re.search("vtlib: run [0-2] of tiny, NT diverged", error.splitlines()[-1])
     assert "Traceback" not in error
-
-
-def test_results_that_are_no_folder_are_refused(capsys, tmp_path):
-    (tmp_path / "results").write_text("mine")
-    for command in (("run", "tiny", "--results"), ("reproduce", "--only", "tiny", "--fresh")):
-        refused(capsys, *command, tmp_path / "results")
-    assert (tmp_path / "results").read_text() == "mine"
 
 
 @pytest.mark.parametrize("command", [["verify"], ["reproduce"], ["verify", "tiny", "--heads"]])
@@ -252,11 +222,14 @@ def test_results_to_compare_with_that_are_not_there_are_named_at_once(capsys, tm
 
 
 @pytest.mark.parametrize("command", [["run", "tiny", "--results"], ["reproduce", "--fresh"]])
-def test_a_folder_that_is_read_only_or_full_is_named_at_once(
+def test_a_folder_that_cannot_take_results_is_named_at_once(
     capsys, tmp_path, stored, monkeypatch, command
 ):
     monkeypatch.setattr(schedule, "compute", None)
     beside = () if command[0] == "run" else ("--results", stored)
+    (tmp_path / "file").write_text("mine")
+    refused(capsys, *command, tmp_path / "file", *beside)
+    assert (tmp_path / "file").read_text() == "mine"
 
     def read_only(**_):
         raise PermissionError(13, "Permission denied")
@@ -270,26 +243,13 @@ def test_a_folder_that_is_read_only_or_full_is_named_at_once(
     assert line == f"vtlib: results need 64 MB, {tmp_path / 'new'} has 3 MB left"
 
 
-def test_the_version_is_told(capsys):
-    with pytest.raises(SystemExit) as ended:
-        main("--version")
-    assert (ended.value.code, capsys.readouterr().out) == (0, f"vtlib {__version__}\n")
-
-
-@pytest.mark.parametrize(
-    ("error", "code", "said"),
-    [
-        (KilledWorker("unit", None, 3), 2, "workers were killed; the same command goes on"),
-        (OSError(28, "No space left"), 2, "No space left"),
-    ],
-)
-def test_what_ends_a_command_is_one_line(capsys, monkeypatch, error, code, said):
+def test_killed_workers_end_a_command_in_one_line(capsys, monkeypatch):
     def broken(*_, **__):
-        raise error
+        raise KilledWorker("unit", None, 3)
 
     monkeypatch.setattr(cli, "complete", broken)
-    assert main("run", "tiny") == code
-    assert said in capsys.readouterr().err
+    line = refused(capsys, "run", "tiny")
+    assert line == "vtlib: workers were killed; the same command goes on from here"
 
 
 @pytest.mark.parametrize("command", [["run", "tiny"], ["reproduce"]])

@@ -57,29 +57,18 @@ EXPERIMENT = {
 }
 
 
-def cases(table):
-    return [(name, value) for name, values in table.items() for value in values]
+TABLES = ((Pool, POOL), (Experiment, EXPERIMENT))
 
 
-@pytest.fixture
-def whole(tiny):
-    """The tiny experiment with three sources, all of which NT uses."""
-    return evolve(tiny, sources=3, runs_per_task=3, counts={"NT": 3})
-
-
-@pytest.mark.parametrize(("name", "value"), cases(POOL))
-def test_a_bad_field_of_a_pool_is_refused_by_its_name(tiny, name, value):
-    refused(tiny.pool, name, value)
-
-
-@pytest.mark.parametrize(("name", "value"), cases(EXPERIMENT))
-def test_a_bad_field_of_an_experiment_is_refused_by_its_name(whole, name, value):
-    refused(whole, name, value)
-
-
-def refused(config, name, value):
+@pytest.mark.parametrize(
+    ("kind", "name", "value"),
+    [(kind, name, x) for kind, table in TABLES for name, values in table.items() for x in values],
+)
+def test_a_bad_field_is_refused_by_its_name(tiny, kind, name, value):
+    # three sources, all of which NT uses
+    whole = evolve(tiny, sources=3, runs_per_task=3, counts={"NT": 3})
     with pytest.raises(ValueError, match="must") as caught:
-        evolve(config, **{name: value})
+        evolve(whole if kind is Experiment else tiny.pool, **{name: value})
     message = str(caught.value)
     others = {"iterations": "every", "runs": "runs_per_task", "sources": "counts"}
     assert name in message or others.get(name, "sources") in message
@@ -87,7 +76,7 @@ def refused(config, name, value):
     assert "got " in message
 
 
-@pytest.mark.parametrize(("config", "table"), [(Pool, POOL), (Experiment, EXPERIMENT)])
+@pytest.mark.parametrize(("config", "table"), TABLES)
 def test_every_field_has_values_that_are_refused(config, table):
     assert [field.name for field in attrs.fields(config)] == list(table)
 
@@ -118,13 +107,9 @@ def test_a_stream_is_the_name_unless_it_is_told():
     assert Pool("b", CartpoleFamily(), stream="c").stream == "c"
 
 
-def test_consecutive_runs_have_one_task(tiny):
-    shared = evolve(tiny, runs=6, runs_per_task=3)
-    assert [shared.task_of(run) for run in range(6)] == [0, 0, 0, 1, 1, 1]
-
-
-def test_an_algorithm_uses_all_eligible_sources_unless_told_otherwise(tiny):
-    few = evolve(tiny, excluded=(1,), counts={"GVT": 1})
+def test_runs_share_tasks_and_use_all_eligible_sources_unless_told_otherwise(tiny):
+    few = evolve(tiny, runs=6, runs_per_task=3, excluded=(1,), counts={"GVT": 1})
+    assert [few.task_of(run) for run in range(6)] == [0, 0, 0, 1, 1, 1]
     assert few.eligible == [0, 2]
     assert [few.sources_of(label) for label in few.algorithms] == [2, 2, 1, 2]
 
@@ -134,12 +119,10 @@ def test_sliders_are_a_grid_around_the_thesis_setting(tiny):
     around = evolve(tiny, algorithms=thesis, runs_per_task=3)
     sliders = sliders_of(around, "tiny-sliders", runs=2, iterations=100)
     assert len(sliders.algorithms) == 5 * 3 * 4
-    assert sliders.algorithms[slider_name(1e-4, 1.0, "GVT")] == evolve(
-        thesis["GVT"], lambda_=1e-4, psi=1.0
-    )
-    name = slider_name(1e-8, 0.5, "2-MGVT")
-    assert name == "2-MGVT-lambda-1e-08-psi-0.5"
-    assert sliders.algorithms[name] == Settings(lambda_=1e-8, psi=0.5, components=2)
+    other = evolve(thesis["GVT"], lambda_=1e-4, psi=1.0)
+    assert sliders.algorithms[slider_name(1e-4, 1.0, "GVT")] == other
+    mixture = Settings(lambda_=1e-8, psi=0.5, components=2)
+    assert sliders.algorithms["2-MGVT-lambda-1e-08-psi-0.5"] == mixture
     assert (sliders.stream, sliders.runs_per_task) == (tiny.stream, 1)
     few = sliders_of(around, "few", 2, 100, [1e-6], [0.0], ["1-MGVT", "3-MGVT"])
     assert list(few.algorithms) == ["3-MGVT-lambda-1e-06-psi-0", "1-MGVT-lambda-1e-06-psi-0"]

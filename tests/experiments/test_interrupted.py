@@ -46,11 +46,11 @@ schedule.BATCH = 1
 
 
 def replace(*names, real=os.replace):
-    "Everything is killed before the file of that number is put in its place."
+    "The command is killed before the file of that number is put in its place."
     with open("counted", "ab") as counted:
         counted.write(b".")
     if os.path.getsize("counted") == int(os.environ["KILL_AT"]):
-        os.killpg(0, signal.SIGKILL)
+        os.kill(os.getpid(), signal.SIGKILL)
     real(*names)
 
 
@@ -65,30 +65,29 @@ if __name__ == "__main__":
 class Command:
     """The script, started in a session of its own, as a terminal does."""
 
-    def __init__(
-        self, folder: Path, root: Path, iterations: int, *arguments: str, **environment: str
-    ) -> None:
-        self._root, self._before = root, len(list(root.rglob("*.json")))
+    def __init__(self, folder: Path, iterations: int, *arguments: str, **more: str) -> None:
         (folder / "script.py").write_text(SCRIPT)
+        path = {"PYTHONPATH": str(Path(schedule.__file__).parents[2])}
         self.process = subprocess.Popen(
-            [sys.executable, "script.py", str(root), str(iterations), *arguments],
+            [sys.executable, "script.py", str(folder / "results"), str(iterations), *arguments],
             cwd=folder,
-            env={
-                **os.environ,
-                "PYTHONPATH": str(Path(schedule.__file__).parents[2]),
-                **environment,
-            },
+            env={**os.environ, **path, **more},
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,
             start_new_session=True,
         )
 
-    def wait_for_a_unit(self) -> None:
-        while self.process.poll() is None:
-            if len(list(self._root.rglob("*.json"))) > max(1, self._before):  # the pool is one
-                break
-            time.sleep(0.01)
+    def ends_well(self, said: str) -> None:
+        out, err = self.process.communicate()
+        assert self.process.returncode == 0, err
+        assert said in out.splitlines()[-1]
+        assert "Traceback" not in err
+
+    def is_killed(self) -> None:
+        self.process.communicate()
+        assert self.process.returncode == -signal.SIGKILL
+        self.assert_gone()
 
     def group(self) -> list[int]:
         """Every process of the session that is running."""
@@ -115,44 +114,15 @@ needs_proc = pytest.mark.skipif(
 
 
 @needs_proc
-def test_killed_again_and_again_the_same_command_leaves_the_same_files(tmp_path):
-    root, kills, iterations = tmp_path / "killed", 0, 2_000
-    # after each unit that is done, at a random moment of the next or the one after
-    for wait in np.random.default_rng(0).uniform(0, 0.5, 2):
-        command = Command(tmp_path, root, iterations)
-        command.wait_for_a_unit()
-        time.sleep(wait)
-        kills += command.process.poll() is None
-        command.process.kill()
-        command.process.communicate()
-        command.assert_gone()
-    assert kills
-    finish(tmp_path, root, iterations)
-    # nothing is left but the script, what it was asked for, and what it was imported into
-    left = {p.name for p in tmp_path.iterdir()} - {"__pycache__"}
-    assert left == {"script.py", "killed"}
-
-
-@needs_proc
 def test_killed_while_a_file_is_put_in_place_the_same_command_goes_on(tmp_path):
-    root, iterations = tmp_path / "killed", 400
+    root, iterations = tmp_path / "results", 400
     # of the pool, of the targets, of a batch of runs, and of a result joined from batches
     for number in (1, 2, 3, 4, 6, 5):
         (tmp_path / "counted").unlink(missing_ok=True)
-        command = Command(tmp_path, root, iterations, KILL_AT=str(number))
-        command.process.communicate()
-        assert command.process.returncode == -signal.SIGKILL
-        command.assert_gone()
+        Command(tmp_path, iterations, KILL_AT=str(number)).is_killed()
         assert list(root.rglob("*.half"))
-    finish(tmp_path, root, iterations)
-
-
-def finish(folder: Path, root: Path, iterations: int) -> None:
-    """Give the same command once more: it ends with what undisturbed runs would have left."""
-    last = Command(folder, root, iterations)
-    out, err = last.process.communicate()
-    assert (last.process.returncode, out) == (0, f"tiny is complete under {root}\n"), err
-    assert "Traceback" not in err
+    Command(tmp_path, iterations).ends_well(f"tiny is complete under {root}")
+    # what undisturbed runs would have left, and nothing beside
     carts = CARTPOLE.published
     few = evolve(carts.pool, name="few", count=10, iterations=200, limit=200)
     undisturbed = evolve(carts, name="tiny", pool=few, runs=3, iterations=iterations)
@@ -162,38 +132,29 @@ def finish(folder: Path, root: Path, iterations: int) -> None:
         found, _ = store.read(root / "tiny" / label)
         for key in found.keys() - {"iterations"}:
             np.testing.assert_array_equal(found[key], np.concatenate([one[key] for one in each]))
-    assert not (root / "parts").exists()
+    assert {p.name for p in root.iterdir()} == {"few", "tiny"}
     assert not list(root.rglob("*.half"))
+    left = {p.name for p in tmp_path.iterdir()} - {"__pycache__", "counted"}
+    assert left == {"script.py", "results"}
 
 
 COMMANDS = {
     "run": ("run", "tiny", "--jobs", "2"),
     "reproduce": ("reproduce", "--only", "tiny", "--jobs", "2", "--fresh", "fresh"),
-    "verify": ("verify", "tiny", "--whole"),
+    "verify": ("verify", "tiny", "--whole", "--record"),
 }
-
 DONE = {"run": "is complete", "reproduce": "none differs", "verify": "verified whole"}
-
-
-RECORDED = {**COMMANDS, "verify": (*COMMANDS["verify"], "--record")}
 
 
 @needs_proc
 @pytest.mark.parametrize(("command", "moments"), [("reproduce", (1, 5)), ("verify", (1,))])
 def test_killed_while_it_checks_the_same_command_comes_to_the_same_end(tmp_path, command, moments):
-    iterations, root = 400, tmp_path / "results"
-    Command(tmp_path, root, iterations).process.communicate()
-    before = {path: path.read_bytes() for path in root.rglob("*.*")}
+    Command(tmp_path, 400).ends_well(DONE["run"])
+    before = {path: path.read_bytes() for path in (tmp_path / "results").rglob("*.*")}
     for number in moments:
         (tmp_path / "counted").unlink(missing_ok=True)
-        killed = Command(tmp_path, root, iterations, *RECORDED[command], KILL_AT=str(number))
-        killed.process.communicate()
-        assert killed.process.returncode == -signal.SIGKILL
-        killed.assert_gone()
-    last = Command(tmp_path, root, iterations, *RECORDED[command])
-    out, err = last.process.communicate()
-    assert last.process.returncode == 0, err
-    assert DONE[command] in out
+        Command(tmp_path, 400, *COMMANDS[command], KILL_AT=str(number)).is_killed()
+    Command(tmp_path, 400, *COMMANDS[command]).ends_well(DONE[command])
     # what is checked is never touched
     assert {path: path.read_bytes() for path in before} == before
     assert not list(tmp_path.rglob("*.half"))
@@ -205,25 +166,22 @@ def test_killed_while_it_checks_the_same_command_comes_to_the_same_end(tmp_path,
 def test_an_interrupt_at_any_moment_ends_in_one_line_and_with_all_processes(
     tmp_path, command, number
 ):
-    iterations, root = 3_000, tmp_path / "results"
+    iterations = 3_000
     # while it imports, starts workers, computes and stores; a second or two to each
     moments = np.random.default_rng([number, *command.encode()]).uniform(0.6, 9, 2)
     if command != "run":  # something has to be stored
-        Command(tmp_path, root, iterations).process.communicate()
+        Command(tmp_path, iterations).ends_well(DONE["run"])
     for wait in moments:
-        it = Command(tmp_path, root, iterations, *COMMANDS[command])
+        it = Command(tmp_path, iterations, *COMMANDS[command])
         time.sleep(wait)
         if it.process.poll() is not None:
             continue
         os.killpg(it.process.pid, number)
-        out, err = it.process.communicate(timeout=10)
+        _, err = it.process.communicate(timeout=10)
         it.assert_gone()
         assert it.process.returncode == 128 + number, err
         *bar, line = err.strip().splitlines()
         assert line == "vtlib: interrupted; the same command goes on from here"
         assert all("left" in shown for shown in bar if shown), err
         assert not list(Path(tempfile.gettempdir()).glob(f"vtlib-{it.process.pid}-*"))
-    last = Command(tmp_path, root, iterations, *COMMANDS[command])
-    out, err = last.process.communicate()
-    assert last.process.returncode == 0, err
-    assert DONE[command] in out.splitlines()[-1]
+    Command(tmp_path, iterations, *COMMANDS[command]).ends_well(DONE[command])

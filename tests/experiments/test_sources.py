@@ -21,12 +21,17 @@ from vtlib.training import Diverged
 
 # float32 sums round differently in batches of another size.
 ROUNDING = {"rtol": 1e-3, "atol": 1e-3}
-OPTIMUM = 0.8
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def pool(tiny):
     return evolve(tiny.pool, iterations=210, limit=240)
+
+
+@pytest.fixture(scope="module")
+def solved(pool):
+    """All sources of the pool, solved together."""
+    return solve(pool, range(3))
 
 
 class Script:
@@ -36,9 +41,7 @@ class Script:
     another return for a source.
     """
 
-    def __init__(
-        self, returns: Sequence[Sequence[float]], again: dict[tuple[int, int], float]
-    ) -> None:
+    def __init__(self, returns: list[list[float]], again: dict[tuple[int, int], float]) -> None:
         self._returns, self._again, self.seen = torch.tensor(returns), again, []
         self.left = list(range(len(returns[0])))
 
@@ -72,20 +75,15 @@ class Judge:
 def scripted(monkeypatch, pool):
     """Solve the first sources of a pool, each attempt with the greedy returns of a script.
 
-    A source is solved by a mean return of at least the required share of the optimum.
+    A source is solved by a mean return of at least the required share of the optimum, 0.8.
     """
+    family = CartpoleFamily
+    monkeypatch.setattr(family, "optimum", lambda self, tasks: torch.full((len(tasks),), 0.8))
     monkeypatch.setattr(
-        CartpoleFamily, "optimum", lambda self, tasks: torch.full((len(tasks),), OPTIMUM)
-    )
-    monkeypatch.setattr(
-        CartpoleFamily, "solved", lambda _, returns, best, share: returns.mean(1) >= share * best
+        family, "solved", lambda _, returns, best, share: returns.mean(1) >= share * best
     )
 
-    def run(
-        *returns: Sequence[Sequence[float]],
-        again: dict[tuple[int, int], float] | None = None,
-        **changes: object,
-    ):
+    def run(*returns: list[list[float]], again=None, **changes: object):
         scripts, asked, judge = [Script(one, again or {}) for one in returns], [], Judge()
         waiting, training = iter(scripts), SourceTraining
 
@@ -98,10 +96,8 @@ def scripted(monkeypatch, pool):
 
         monkeypatch.setattr(sources, "Evaluation", evaluation)
         monkeypatch.setattr(sources, "SourceTraining", begin)
-        arrays = solve(
-            evolve(pool, **{"required": 0.9, "attempts": len(returns), **changes}),
-            range(len(returns[0][0])),
-        )
+        changed = evolve(pool, **{"required": 0.9, "attempts": len(returns), **changes})
+        arrays = solve(changed, range(len(returns[0][0])))
         # the last word is on the weights that are kept
         np.testing.assert_array_equal(judge.mu, arrays["weights"])
         np.testing.assert_allclose(arrays["fresh"], 0.5)
@@ -110,11 +106,9 @@ def scripted(monkeypatch, pool):
     return run
 
 
-def test_solving_returns_an_array_of_everything_over_the_sources(pool):
+def test_solving_returns_an_array_of_everything_over_the_sources(pool, solved):
     reports: list[int] = []
-    arrays = solve(pool, [2, 0], reports.append)
-    again = solve(evolve(pool, attempts=2), [2, 0])["fingerprints"]
-    np.testing.assert_array_equal(again, arrays["fingerprints"])  # those of the first attempt
+    arrays = solve(evolve(pool, attempts=2), [2, 0], reports.append)
     shapes = {
         **dict.fromkeys(("index", "cart_mass", "pole_mass", "half_length"), (2,)),
         **dict.fromkeys(("iterations", "greedy", "optimum", "solved", "fresh", "passes"), (2,)),
@@ -125,44 +119,65 @@ def test_solving_returns_an_array_of_everything_over_the_sources(pool):
     assert arrays["solved"].dtype == arrays["passes"].dtype == bool
     assert list(arrays["index"]) == [2, 0]
     np.testing.assert_array_equal(arrays["cart_mass"], pool_tasks(pool, [2, 0]).cart_mass)
-    # not trained long enough to balance, so checked until the limit
+    # not trained long enough to balance, so checked until the limit, in each attempt
     assert not arrays["solved"].any()
-    assert reports == list(range(10, 250, 10))
+    assert reports == [*range(10, 250, 10), *range(250, 490, 10)]
+    # of the first attempt
+    np.testing.assert_allclose(arrays["fingerprints"][0], solved["fingerprints"][2], **ROUNDING)
+
+
+def assert_kept(found, solved: bool, iterations: list[int], greedy: list[float], *checks) -> None:
+    """Each source has the weights that one attempt had at a check, for a place of its own there."""
+    arrays, scripts, _ = found
+    assert (arrays["solved"] == solved).all()
+    assert list(arrays["iterations"]) == iterations
+    np.testing.assert_allclose(arrays["greedy"], greedy)
+    for kept, (attempt, check, place) in zip(arrays["weights"], checks, strict=True):
+        np.testing.assert_array_equal(kept, scripts[attempt].seen[check][place])
 
 
 def test_a_source_keeps_the_weights_of_the_check_that_solved_it(scripted):
-    arrays, (script,), _ = scripted(
-        [[0.75, 0.0, 0.1], [0.0, 0.71, 0.5], [0.8, 0.8, 0.719], [0.8] * 3]
-    )
     # 0.719 and 0.71 miss 90 % of 0.8
-    assert list(arrays["iterations"]) == [210, 230, 240]
-    np.testing.assert_allclose(arrays["greedy"], [0.75, 0.8, 0.8])
-    assert arrays["solved"].all()
-    for source, check in enumerate([0, 2, 3]):
-        np.testing.assert_array_equal(arrays["weights"][source], script.seen[check][source])
-    assert script.seen[1].keys() == {1, 2}, "a solved source is trained on"
-    assert not np.array_equal(script.seen[0][1], script.seen[1][1]), "no training between checks"
+    found = scripted([[0.75, 0.0, 0.1], [0.0, 0.71, 0.5], [0.8, 0.8, 0.719], [0.8] * 3])
+    assert_kept(found, True, [210, 230, 240], [0.75, 0.8, 0.8], (0, 0, 0), (0, 2, 1), (0, 3, 2))
+    seen = found[1][0].seen
+    assert seen[1].keys() == {1, 2}, "a solved source is trained on"
+    assert not np.array_equal(seen[0][1], seen[1][1]), "no training between checks"
 
 
 def test_a_check_that_is_passed_by_luck_ends_nothing(scripted):
     # both pass at once, the first by luck alone; and again at the second check
-    arrays, (script,), _ = scripted(
-        [[0.8, 0.75], [0.79, 0.0], [0.76, 0.0], [0.0, 0.0]],
-        again={(0, 0): 0.3, (0, 1): 0.78, (1, 0): 0.71, (2, 0): 0.74},
-    )
-    assert arrays["solved"].all()
-    assert list(arrays["iterations"]) == [230, 210]
+    again = {(0, 0): 0.3, (0, 1): 0.78, (1, 0): 0.71, (2, 0): 0.74}
+    found = scripted([[0.8, 0.75], [0.79, 0.0], [0.76, 0.0], [0.0, 0.0]], again=again)
     # what is told of a solved source is what it earned when chance had no part in choosing it
-    np.testing.assert_allclose(arrays["greedy"], [0.74, 0.78])
-    np.testing.assert_array_equal(arrays["weights"][0], script.seen[2][0])
-    assert script.seen[1].keys() == {0}
+    assert_kept(found, True, [230, 210], [0.74, 0.78], (0, 2, 0), (0, 0, 1))
+    assert found[1][0].seen[1].keys() == {0}
 
 
-def test_a_source_that_is_lucky_at_every_check_is_not_solved(scripted):
-    again = dict.fromkeys([(check, 0) for check in range(4)], 0.1)
-    arrays, (script,), _ = scripted([[0.8], [0.75], [0.8], [0.8]], again=again)
-    assert len(script.seen) == 4
-    assert not arrays["solved"].any()
+def test_an_unsolved_source_keeps_the_best_that_any_check_saw(scripted):
+    # the first of equals, and a return of zero counts too
+    found = scripted([[0.1, 0.0], [0.5, 0.0], [0.3, 0.0], [0.5, 0.0]])
+    assert_kept(found, False, [220, 210], [0.5, 0.0], (0, 1, 0), (0, 0, 1))
+    assert len(found[1][0].seen) == 4, "training ends at the limit"
+
+
+def test_only_unsolved_sources_begin_anew_and_their_iterations_add_up(scripted):
+    first = [[0.0, 0.8, 0.1], [0.2, 0.0, 0.1]]
+    found = scripted(first, [[0.8, 0.0], [0.0, 0.0]], [[0.0], [0.8]], limit=220)
+    assert found[2] == [(0, [0, 1, 2]), (1, [0, 2]), (2, [2])]
+    assert_kept(found, True, [430, 210, 660], [0.8] * 3, (1, 0, 0), (0, 0, 1), (2, 1, 0))
+
+
+def test_a_source_that_no_attempt_solves_keeps_the_best_of_all(scripted):
+    found = scripted([[0.1], [0.3]], [[0.5], [0.2]], [[0.5], [0.4]], limit=220)
+    assert len(found[2]) == 3
+    assert_kept(found, False, [430], [0.5], (1, 0, 0))
+
+
+def test_an_attempt_that_solves_is_kept_whatever_was_earned_before(scripted, monkeypatch):
+    # a family's measure need not be the mean return
+    monkeypatch.setattr(CartpoleFamily, "solved", lambda self, returns, *_: returns.mean(1) < 0.4)
+    assert_kept(scripted([[0.5], [0.6]], [[0.3]], limit=220), True, [430], [0.3], (1, 0, 0))
 
 
 def test_solved_sources_are_judged_on_episodes_that_decided_nothing(scripted):
@@ -173,53 +188,14 @@ def test_solved_sources_are_judged_on_episodes_that_decided_nothing(scripted):
         assert list(arrays["passes"]) == [passes, passes]
 
 
-def test_fresh_episodes_are_each_sources_own(pool):
-    together = solve(pool, [0, 1, 2])
-    assert len(set(together["fresh"].tolist())) == 3
-    np.testing.assert_allclose(solve(pool, [2])["fresh"], together["fresh"][2:], **ROUNDING)
-    # no return of few episodes is that of many
-    assert not np.isclose(together["fresh"], together["greedy"]).any()
-
-
-def test_an_unsolved_source_keeps_the_best_that_any_check_saw(scripted):
-    arrays, (script,), _ = scripted([[0.1, 0.0], [0.5, 0.0], [0.3, 0.0], [0.5, 0.0]])
-    assert len(script.seen) == 4, "training ends at the limit"
-    assert not arrays["solved"].any()
-    np.testing.assert_allclose(arrays["greedy"], [0.5, 0.0])
-    # the first of equals, and a return of zero counts too
-    assert list(arrays["iterations"]) == [220, 210]
-    np.testing.assert_array_equal(arrays["weights"][0], script.seen[1][0])
-    np.testing.assert_array_equal(arrays["weights"][1], script.seen[0][1])
-
-
-def test_only_unsolved_sources_begin_anew_and_their_iterations_add_up(scripted):
-    arrays, scripts, asked = scripted(
-        [[0.0, 0.8, 0.1], [0.2, 0.0, 0.1]], [[0.8, 0.0], [0.0, 0.0]], [[0.0], [0.8]], limit=220
-    )
-    assert asked == [(0, [0, 1, 2]), (1, [0, 2]), (2, [2])]
-    assert arrays["solved"].all()
-    assert list(arrays["iterations"]) == [220 + 210, 210, 2 * 220 + 220]
-    for source, (attempt, check, place) in enumerate([(1, 0, 0), (0, 0, 1), (2, 1, 0)]):
-        kept = scripts[attempt].seen[check][place]
-        np.testing.assert_array_equal(arrays["weights"][source], kept)
-
-
-def test_a_source_that_no_attempt_solves_keeps_the_best_of_all(scripted):
-    arrays, scripts, asked = scripted([[0.1], [0.3]], [[0.5], [0.2]], [[0.5], [0.4]], limit=220)
-    assert len(asked) == 3
-    assert not arrays["solved"].any()
-    np.testing.assert_allclose(arrays["greedy"], [0.5])
-    assert list(arrays["iterations"]) == [220 + 210]
-    np.testing.assert_array_equal(arrays["weights"][0], scripts[1].seen[0][0])
-
-
-def test_an_attempt_that_solves_is_kept_whatever_was_earned_before(scripted, monkeypatch):
-    # a family's measure need not be the mean return
-    monkeypatch.setattr(CartpoleFamily, "solved", lambda self, returns, *_: returns.mean(1) < 0.4)
-    arrays, *_ = scripted([[0.5], [0.6]], [[0.3]], limit=220)
-    assert arrays["solved"].all()
-    np.testing.assert_allclose(arrays["greedy"], [0.3])
-    assert list(arrays["iterations"]) == [220 + 210]
+def test_solving_in_other_batches_gives_the_same(pool, solved):
+    for key, array in solve(pool, [2]).items():
+        np.testing.assert_allclose(array, solved[key][2:], **ROUNDING, err_msg=key)
+    # each source has fresh episodes of its own, and no return of few is that of many
+    fresh = sources.judge(pool, [2], solved["weights"][2:], solved["optimum"][2:])["fresh"]
+    np.testing.assert_allclose(fresh, solved["fresh"][2:], rtol=1e-5)
+    assert len(set(solved["fresh"].tolist())) == 3
+    assert not np.isclose(solved["fresh"], solved["greedy"]).any()
 
 
 def test_attempts_share_their_first_weights_and_no_random_numbers(pool):
@@ -231,18 +207,12 @@ def test_attempts_share_their_first_weights_and_no_random_numbers(pool):
         assert not torch.equal(*uniforms)
 
 
-def test_solving_in_other_batches_gives_the_same(pool):
-    together = solve(pool, range(3))
-    for key, array in solve(pool, [2]).items():
-        np.testing.assert_allclose(array, together[key][2:], **ROUNDING, err_msg=key)
-
-
-def test_the_head_computed_anew_equals_the_fingerprints(pool):
-    stored = solve(pool, range(3))["fingerprints"]
-    np.testing.assert_allclose(head(pool, range(3)), stored)
-    np.testing.assert_allclose(head(pool, [2]), stored[2:], **ROUNDING)
-    assert not np.allclose(head(evolve(pool, stream="other"), range(3)), stored, **ROUNDING)
-    assert len({tuple(row) for row in stored[:, -1].round(6)}) == 3, "sources are alike"
+def test_the_head_computed_anew_equals_the_fingerprints(pool, solved):
+    prints = solved["fingerprints"]
+    np.testing.assert_allclose(head(pool, range(3)), prints)
+    np.testing.assert_allclose(head(pool, [2]), prints[2:], **ROUNDING)
+    assert not np.allclose(head(evolve(pool, stream="other"), range(3)), prints, **ROUNDING)
+    assert len({tuple(row) for row in prints[:, -1].round(6)}) == 3, "sources are alike"
 
 
 def test_rooms_sources_start_anywhere_or_as_targets_do_and_are_judged_from_the_corner(monkeypatch):
@@ -289,10 +259,9 @@ def test_a_diverged_source_is_named(pool):
 
 
 def test_networks_start_in_common_or_each_for_itself(pool):
-    together, apart = (
-        SourceTraining(evolve(pool, common=common), [0, 1]).agent.mu for common in (True, False)
-    )
-    assert torch.equal(together[0], together[1])
+    first = SourceTraining(pool, [0, 1]).agent.mu
+    apart = SourceTraining(evolve(pool, common=False), [0, 1]).agent.mu
+    assert torch.equal(first[0], first[1])
     assert not torch.equal(apart[0], apart[1])
 
 

@@ -6,12 +6,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from attrs import frozen
+from attrs import evolve, frozen
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from vtbook.experiments.protocols import as_published
-from vtlib import native
 from vtlib.baselines import DDQNSettings, FineTuning, MellowTDSettings
 from vtlib.envs.base import TaskFamily
 from vtlib.envs.cartpole import CartpoleFamily
@@ -24,10 +23,9 @@ from vtlib.rng import Rng
 from vtlib.training import Agent, Diverged, fingerprint, iterate
 from vtlib.transfer import Settings
 
-ROOMS, CARTPOLE, CAR = RoomsFamily(), CartpoleFamily(), MountainCarFamily()
-NETWORK = {"minibatch": 60, "n_samples": 5, "alpha_L": 1e-4, "lambda_": 1e-3}
-GVT, LEARNER = {"family": "gaussian"}, MellowTDSettings(epsilon_steps=100)
-STOPPING, LAST = RoomsFamily(stops=True), MountainCarFamily(last_reward=-1.0)
+ROOMS, CARTPOLE = RoomsFamily(), CartpoleFamily()
+FAMILIES = [ROOMS, RoomsFamily(stops=True), CARTPOLE, MountainCarFamily(last_reward=-1.0)]
+LEARNER, DEEP = MellowTDSettings(epsilon_steps=100), DDQNSettings(epsilon_steps=10)
 GREEDY = MellowTDSettings(epsilon_steps=100, epsilon_start=0.3, epsilon_end=0.1)
 
 
@@ -45,46 +43,30 @@ def both(
     return NativeRun(family, tasks, 0, algorithm, given[0], "native", run), agent, episodes
 
 
+@pytest.mark.parametrize("family", FAMILIES)
 @pytest.mark.parametrize(
-    ("family", "algorithm"),
+    "algorithm",
     [
-        pytest.param(ROOMS, Settings(**GVT, lambda_=1e-4), id="rooms GVT"),
-        pytest.param(ROOMS, Settings(components=3), id="rooms 3-MGVT"),
-        pytest.param(ROOMS, Settings(psi=0.0, clip=1e-3), id="rooms, psi 0, clipped"),
-        pytest.param(ROOMS, Settings(psi=1.0, clip=None, buffer=50), id="rooms, psi 1, forgetful"),
-        pytest.param(ROOMS, Settings(**GVT, kl="diagonal", init="span"), id="rooms, diagonal KL"),
+        Settings("gaussian", lambda_=1e-4),
+        Settings("gaussian", psi=0.0, kl="diagonal", init="span"),
+        Settings("gaussian", lambda_=0.1, kl_clip=0.5),
+        as_published(Settings("gaussian", lambda_=1e-3)),
+        Settings(psi=0.0, clip=1e-3),
+        Settings(psi=1.0, clip=None, buffer=50),
+        Settings(lambda_=0.1, kl_clip=0.5),
+        Settings(components=3),
         # not both: at the mean nothing but rounding would pull, and Adam divides by its size
-        pytest.param(ROOMS, Settings(components=2, init="mean"), id="rooms, mean"),
-        pytest.param(ROOMS, Settings(components=2, responsibilities="equal"), id="rooms, equal"),
-        pytest.param(ROOMS, LEARNER, id="rooms, mellow TD"),
-        pytest.param(CARTPOLE, Settings(**GVT, **NETWORK), id="cartpole GVT"),
-        pytest.param(CARTPOLE, Settings(components=3, **NETWORK), id="cartpole 3-MGVT"),
-        pytest.param(CARTPOLE, LEARNER, id="cartpole, mellow TD"),
-        pytest.param(CAR, Settings(**NETWORK), id="mountain car 1-MGVT"),
-        pytest.param(CAR, Settings(psi=0.0, **GVT, **NETWORK), id="mountain car GVT, psi 0"),
-        pytest.param(ROOMS, as_published(Settings(**GVT, lambda_=1e-3)), id="rooms GVT published"),
-        pytest.param(ROOMS, Settings(**GVT, lambda_=0.1, kl_clip=0.5), id="rooms, tight KL clip"),
-        pytest.param(ROOMS, Settings(lambda_=0.1, kl_clip=0.5), id="rooms 1-MGVT, tight KL clip"),
-        pytest.param(ROOMS, as_published(Settings()), id="rooms 1-MGVT published"),
-        pytest.param(ROOMS, as_published(Settings(components=3)), id="rooms 3-MGVT published"),
-        pytest.param(STOPPING, Settings(components=3), id="rooms that stop, 3-MGVT"),
-        pytest.param(STOPPING, LEARNER, id="rooms that stop, mellow TD"),
-        pytest.param(ROOMS, FineTuning(LEARNER), id="rooms, fine-tuned"),
-        pytest.param(ROOMS, FineTuning(GREEDY, "mean"), id="rooms, fine-tuned mean, greedy"),
-        pytest.param(CARTPOLE, FineTuning(GREEDY), id="cartpole, fine-tuned"),
-        pytest.param(
-            CARTPOLE, as_published(Settings(**GVT, **NETWORK)), id="cartpole GVT published"
-        ),
-        pytest.param(
-            CARTPOLE,
-            as_published(Settings(components=3, **NETWORK)),
-            id="cartpole 3-MGVT published",
-        ),
-        pytest.param(LAST, as_published(Settings(**NETWORK)), id="car 1-MGVT published"),
-        pytest.param(LAST, as_published(Settings(**GVT, **NETWORK)), id="car GVT published"),
+        Settings(components=2, init="mean"),
+        Settings(components=2, responsibilities="equal"),
+        as_published(Settings(components=3)),
+        LEARNER,
+        FineTuning(LEARNER),
+        FineTuning(GREEDY, "mean"),
     ],
 )
 def test_a_run_in_cpp_is_the_engines(family, algorithm):
+    if isinstance(algorithm, Settings) and not isinstance(family, RoomsFamily):
+        algorithm = evolve(algorithm, minibatch=60, n_samples=5, alpha_L=1e-4)
     alone, agent, episodes = both(family, algorithm)
     loop = iterate(agent, episodes)
     for t in range(1, 201):
@@ -101,20 +83,19 @@ def test_a_run_in_cpp_is_the_engines(family, algorithm):
 
 @settings(max_examples=25, deadline=None)
 @given(
-    st.sampled_from([ROOMS, RoomsFamily(2, fixed_lower=5.0), STOPPING, CARTPOLE, CAR, LAST]),
-    st.fixed_dictionaries(
-        {
-            "components": st.integers(1, 3),
-            "minibatch": st.sampled_from([1, 15, 16, 17, 512]),
-            "n_samples": st.integers(1, 15),
-            "buffer": st.integers(1, 40),
-            "psi": st.floats(0, 1),
-        }
+    st.sampled_from([*FAMILIES, RoomsFamily(2, fixed_lower=5.0), MountainCarFamily()]),
+    st.builds(
+        Settings,
+        alpha_L=st.just(1e-4),
+        components=st.integers(1, 3),
+        minibatch=st.sampled_from([1, 15, 16, 17, 512]),
+        n_samples=st.integers(1, 15),
+        buffer=st.integers(1, 40),
+        psi=st.floats(0, 1),
     ),
     st.integers(1, 10),
 )
-def test_any_configuration_that_is_taken_is_the_engines(family, changes, sources):
-    algorithm = Settings(alpha_L=1e-4, **changes)
+def test_any_configuration_that_is_taken_is_the_engines(family, algorithm, sources):
     assert supports(family, algorithm, sources)
     alone, agent, episodes = both(family, algorithm, 1, sources)
     loop = iterate(agent, episodes)
@@ -125,24 +106,21 @@ def test_any_configuration_that_is_taken_is_the_engines(family, changes, sources
 
 
 def test_records_progress_and_divergence_are_those_of_the_engines_loop():
-    told = []
+    told, names = [], ["a", "b"]
     runs = [both(ROOMS, LEARNER, run)[0] for run in (3, 4)]
-    stop = train_natively(
-        runs,
-        lambda mu: mu.sum((1, 2)),
-        100,
-        20,
-        ["a", "b"],
-        lambda t: not told.append(t) and t < 60,
-    )
+
+    def go_on(t: int) -> bool:
+        told.append(t)
+        return t < 60
+
+    stop = train_natively(runs, lambda mu: mu.sum((1, 2)), 100, 20, names, go_on)
     assert told == stop.iterations.tolist() == [20, 40, 60]
     assert stop.learning.shape == stop.greedy.shape == (2, 3)
     assert stop.fingerprints.shape == (2, 2, 4)
-    expected = [float(run.mu.sum()) for run in runs]
-    np.testing.assert_allclose(stop.greedy[:, -1], expected, rtol=1e-4)
+    np.testing.assert_allclose(stop.greedy[:, -1], [run.mu.sum() for run in runs], rtol=1e-4)
     runs[1].mu[:] = np.nan
     with pytest.raises(Diverged, match="b diverged"):
-        train_natively(runs, lambda mu: mu.sum((1, 2)), 20, 20, ["a", "b"])
+        train_natively(runs, lambda mu: mu.sum((1, 2)), 20, 20, names)
 
 
 def test_runs_do_not_depend_on_how_far_they_go_at_a_time():
@@ -158,27 +136,14 @@ class Own(Settings):
     """Settings whose agent may be another one."""
 
 
-@pytest.mark.parametrize(
-    ("family", "algorithm", "sources"),
-    [
-        (MazeFamily(), Settings(), 5),
-        (ROOMS, DDQNSettings(epsilon_steps=10), 5),
-        (ROOMS, Own(), 5),
-        (ROOMS, FineTuning(DDQNSettings(epsilon_steps=10)), 5),
-        (ROOMS, Settings(), 11),
-        (ROOMS, Settings(components=4), 5),
-        (ROOMS, Settings(n_samples=16), 5),
-        (ROOMS, Settings(minibatch=513), 5),
-        (ROOMS, Settings(act="episode"), 5),
-        (ROOMS, Settings(covariance="diagonal"), 5),
-        (ROOMS, Settings(patience=1), 5),
-    ],
-)
-def test_what_the_kernels_do_not_know_is_left_to_the_engine(family, algorithm, sources):
-    assert not supports(family, algorithm, sources)
-
-
-def test_without_kernels_torch_computes(monkeypatch):
+def test_what_the_kernels_do_not_know_is_left_to_the_engine(monkeypatch):
+    assert supports(ROOMS, Settings(), 5)
+    assert not supports(ROOMS, Settings(), 11)
+    assert not supports(MazeFamily(), Settings(), 5)
+    beyond = {"components": 4, "n_samples": 16, "minibatch": 513, "patience": 1}
+    others = {**beyond, "act": "episode", "covariance": "diagonal"}
+    changed = [evolve(Settings(), **{name: value}) for name, value in others.items()]
+    for algorithm in (*changed, Own(), DEEP, FineTuning(DEEP)):
+        assert not supports(ROOMS, algorithm, 5)
     monkeypatch.setattr("vtlib.native.runs.kernels", lambda: None)
-    assert native.kernels() is not None
     assert not supports(ROOMS, Settings(), 5)

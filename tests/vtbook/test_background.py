@@ -1,23 +1,15 @@
 """What chapter 2's page computes: Bellman's operator, a bias, the ELBO, Gibbs posteriors."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
-import torch
-
-from vtlib import priors
 
 
 @pytest.fixture(scope="module")
-def background(cells_of) -> SimpleNamespace:
+def background(cells_of):
     """The names of the page."""
     return SimpleNamespace(**cells_of("background"))
-
-
-# --- the operator --------------------------------------------------------------------------------
 
 
 @pytest.fixture(params=[0.5, 0.9, 0.99])
@@ -27,32 +19,23 @@ def mdp(request, background):
     return background.MDP(transition, rng.normal(size=(6, 3)), request.param)
 
 
-def values_of(mdp, policy) -> np.ndarray:
+def values_of(mdp, policy):
     """Action values (S, A) of a policy (S,), from the linear system that eq. 2.4 is."""
     taken = np.arange(len(policy)), policy
     step = np.eye(len(policy)) - mdp.gamma * mdp.transition[taken]
     return mdp.reward + mdp.gamma * mdp.transition @ np.linalg.solve(step, mdp.reward[taken])
 
 
-def test_the_operator_leads_to_the_best_of_all_policies(background, mdp):
+def test_the_operator_leads_to_the_best_of_all_policies_at_the_rate_gamma(background, mdp):
     best = np.max([values_of(mdp, np.array(p)) for p in np.ndindex((3,) * 6)], 0)
     count = background.applications_until(1e-12, mdp.gamma)
     found = background.iterates(mdp, np.zeros((6, 3)), count)[-1]
     np.testing.assert_allclose(found, best, atol=1e-9)
-    np.testing.assert_allclose(background.optimal_operator(mdp, best), best, atol=1e-9)
-
-
-def test_the_operator_contracts_and_a_constant_shift_attains_the_rate(background, mdp):
-    a, b = np.random.default_rng(1).normal(scale=3, size=(2, 200, 6, 3))
-    after = np.subtract(*(background.optimal_operator(mdp, q) for q in (a, b)))
-    assert np.all(np.abs(after).max((1, 2)) <= mdp.gamma * np.abs(a - b).max((1, 2)) * (1 + 1e-12))
-    moved = background.iterates(mdp, a[0] + 2, 5) - background.iterates(mdp, a[0], 5)
+    # a constant above the optimum shrinks by gamma everywhere, which is as slowly as can be
+    moved = background.iterates(mdp, best + 2, 5) - best
     expected = 2 * mdp.gamma ** np.arange(6).reshape(6, 1, 1) * np.ones((6, 3))
     np.testing.assert_allclose(moved, expected, rtol=1e-9)
     assert background.applications_until(mdp.gamma**5, mdp.gamma) == 5
-
-
-# --- the bias of the TD error --------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("chance", [0.0, 0.2, 0.5])
@@ -67,9 +50,6 @@ def test_one_next_state_estimates_the_larger_error_and_two_the_smaller(backgroun
         assert np.all(np.abs(estimate.mean(0) - exact) < slack)
 
 
-# --- evidence, ELBO and KL -----------------------------------------------------------------------
-
-
 def test_a_conjugate_problem_has_its_known_evidence_and_posterior(background):
     # a prior, and an observation of y with noise of deviation 0.5: the posterior is a Gaussian
     prior = background.gaussian(0.4, 0.8)
@@ -82,24 +62,13 @@ def test_a_conjugate_problem_has_its_known_evidence_and_posterior(background):
     assert background.elbo(prior, noise, exact) == pytest.approx(total)
 
 
-@pytest.mark.parametrize("mean", [-1.3, 0.0, 0.7])
-@pytest.mark.parametrize("deviation", [0.15, 0.3, 0.9])
+@pytest.mark.parametrize(("mean", "deviation"), [(-1.3, 0.15), (0.0, 0.9), (0.7, 0.3)])
 def test_elbo_and_kl_add_up_to_the_evidence(background, mean, deviation):
     log_q = background.gaussian(mean, deviation)
     gap = background.kl(log_q, background.posterior)
     assert gap > 0.1
     bound = background.elbo(*background.problem, log_q)
     assert bound + gap == pytest.approx(background.log_evidence(*background.problem), abs=1e-9)
-
-
-def test_kl_is_that_of_gaussians(background):
-    pairs = ((0.5, 0.8), (-0.4, 1.1))
-    exact = priors.kl(*(priors.Gaussian(torch.tensor([m]), torch.tensor([[s]])) for m, s in pairs))
-    found = background.kl(*(background.gaussian(*pair) for pair in pairs))
-    assert found == pytest.approx(float(exact), abs=1e-6)
-
-
-# --- Catoni's bound ------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("beta", [0.1, 1.0, 4.0])

@@ -1,7 +1,5 @@
 """Settings of a reader's own beside the stored runs: the same runs, and a true difference."""
 
-from __future__ import annotations
-
 import re
 
 import pytest
@@ -16,30 +14,29 @@ HERE = ROOMS_EVALUATION.published
 OWN = HERE.algorithms["1-MGVT"]
 
 
-def numbers(told: str) -> list[list[float]]:
-    """Centre, low and high of each line but the first."""
-    lines = told.replace("−", "-").splitlines()[1:]
-    return [[float(x) for x in re.findall(r"[-+]?\d[\d.e-]*", line)] for line in lines]
-
-
 @pytest.mark.parametrize(
-    ("experiment", "label"), [(HERE, "1-MGVT"), (ROOMS_SOURCES.published, "1-MGVT-from-2")]
+    ("experiment", "label", "lambda_"),
+    [
+        (HERE, "1-MGVT", OWN.lambda_),
+        (ROOMS_SOURCES.published, "1-MGVT-from-2", OWN.lambda_),
+        (HERE, "1-MGVT", 1e-2),
+    ],
 )
-def test_the_stored_settings_change_nothing(experiment, label):
-    told = try_settings(experiment, label, experiment.algorithms[label], 2, 300)
-    assert told.splitlines()[0] == f"{label}, 2 runs, mean learning return over 300 iterations"
-    stored, yours, difference = numbers(told)
-    assert yours == pytest.approx(stored, abs=1e-3)
-    assert difference == pytest.approx([0, 0, 0], abs=1e-3)
-
-
-def test_other_settings_are_trained_and_compared_by_run():
-    told = try_settings(HERE, "1-MGVT", evolve(OWN, lambda_=1e-2), 3, 2_000)
-    stored, yours, difference = numbers(told)
-    kept = returns(HERE, "1-MGVT").learning.isel(run=slice(3)).sel(iteration=slice(2_000))
+def test_settings_are_trained_and_compared_by_run(experiment, label, lambda_):
+    settings = evolve(experiment.algorithms[label], lambda_=lambda_)
+    told = try_settings(experiment, label, settings, 2, 1_000)
+    head, *lines = told.replace("−", "-").splitlines()
+    assert head == f"{label}, 2 runs, mean learning return over 1,000 iterations"
+    stored, yours, difference = (
+        [float(x) for x in re.findall(r"[-+]?\d[\d.e-]*", line)] for line in lines
+    )
+    kept = returns(experiment, label).learning.isel(run=slice(2)).sel(iteration=slice(1_000))
     band = mean_interval(kept.mean("iteration").values)
     assert stored == pytest.approx([band.centre, band.low, band.high], rel=1e-2)
     assert difference[0] == pytest.approx(yours[0] - stored[0], abs=2e-3)
+    same = settings == experiment.algorithms[label]
+    assert (difference == pytest.approx([0, 0, 0], abs=1e-3)) == same
+    assert (yours == pytest.approx(stored, abs=1e-3)) == same
 
 
 @pytest.mark.parametrize(

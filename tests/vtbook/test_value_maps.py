@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import pytest
 import torch
@@ -14,48 +12,29 @@ from vtbook.value_maps import NODES, ValueMap, draw_map, maps_picture, plane_sta
 from vtlib.envs import CartpoleFamily, MountainCarFamily, RoomsFamily
 
 FAMILIES = [CartpoleFamily(), MountainCarFamily()]
-every_family = pytest.mark.parametrize("family", FAMILIES, ids=lambda one: type(one).__name__)
 
 
 def task_of(family):
     return family.sample(np.random.default_rng(0), 1)
 
 
-def mapped(family, components: int = 2) -> tuple[ValueMap, torch.Tensor]:
-    mu = 0.3 * np.random.default_rng(1).standard_normal((1, components, family.q().d))
-    weights = torch.from_numpy(mu).float().requires_grad_()
+def mapped(family) -> tuple[ValueMap, torch.Tensor]:
+    """The map of two made-up components, and their weights."""
+    mu = 0.3 * np.random.default_rng(1).standard_normal((1, 2, family.q().d), dtype=np.float32)
+    weights = torch.from_numpy(mu).requires_grad_()
     return value_map(family, task_of(family), weights), weights.detach()
 
 
-@every_family
-def test_the_grid_lies_as_its_axes_do(family):
-    plane, dimensions = family.plane, task_of(family).obs_dim
-    states = plane_states(plane, dimensions).view(NODES, NODES, dimensions)
-    across, up = plane.axes
-    (left, right), (low, high) = plane.ends
-    assert states[0, 0, across].item() == pytest.approx(left)
-    assert states[0, -1, across].item() == pytest.approx(right)
-    assert states[0, 0, up].item() == pytest.approx(low)
-    assert states[-1, 0, up].item() == pytest.approx(high)
-    others = [i for i in range(dimensions) if i not in plane.axes]
-    assert not states[..., others].any()
-
-
-@every_family
-def test_values_are_those_of_the_averaged_components(family):
-    one, mu = mapped(family)
-    row, column = 17, 43
-    state = plane_states(family.plane, task_of(family).obs_dim)[row * NODES + column]
-    q = family.q()
-    expected = [q.q(mu[:, [c]], q.prepare(state[None, None]))[0, 0, :, 0] for c in (0, 1)]
-    expected = torch.stack(expected).mean(0).numpy()
-    np.testing.assert_allclose(one.values[:, row, column], expected, rtol=1e-5, atol=1e-6)
-
-
-@every_family
-def test_the_path_is_the_greedy_policy_s(family):
-    one, mu = mapped(family)
-    plane, task, q = family.plane, task_of(family), family.q()
+@pytest.mark.parametrize("family", FAMILIES, ids=lambda one: type(one).__name__)
+def test_a_map_holds_the_mean_values_over_its_plane_and_the_greedy_policy_s_path(family):
+    (one, mu), plane, task, q = mapped(family), family.plane, task_of(family), family.q()
+    grid = np.zeros((NODES, NODES, task.obs_dim))
+    ends = (np.linspace(*each, NODES) for each in plane.ends)
+    grid[..., list(plane.axes)] = np.stack(np.meshgrid(*ends), -1)
+    states = plane_states(plane, task.obs_dim)
+    np.testing.assert_allclose(states.view(grid.shape), grid, atol=1e-6)
+    expected = sum(q.q(mu[:, [c]], q.prepare(states[None]))[0, 0] for c in (0, 1)) / 2
+    np.testing.assert_allclose(one.values, expected.view(one.values.shape), rtol=1e-5, atol=1e-6)
     assert 2 <= len(one.path) <= task.horizon + 1
     state = torch.tensor([plane.start])
     for place in one.path:
@@ -79,7 +58,7 @@ def test_a_map_is_drawn_in_the_units_of_its_labels():
     np.testing.assert_array_equal(image.get_array(), one.values.max(0))
     assert image.get_clim() == CartpoleFamily.plane.values
     (path,) = ax.get_lines()
-    np.testing.assert_allclose(path.get_xdata(), one.path[:, 0] * 180 / math.pi, rtol=1e-6)
+    np.testing.assert_allclose(path.get_xdata(), np.rad2deg(one.path[:, 0]), rtol=1e-6)
 
 
 def test_a_picture_says_its_iteration_and_its_numbers():

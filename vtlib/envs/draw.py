@@ -1,7 +1,5 @@
 """What the drawings of all environments share: colours, arrows, bare axes, and pictures of them."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Episodes of many tasks in lock-step: each run starts a new one as soon as its own ends."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Tasks of this library as Gymnasium environments, one task each."""
 
-from __future__ import annotations
-
 from pkgutil import resolve_name
 from typing import Any, ClassVar
 

@@ -1,7 +1,5 @@
 """What the planners share: nodes around a state, every action tried out, values for any state."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from itertools import count
 from typing import Any

@@ -1,7 +1,5 @@
 """What an experiment is: frozen configurations of source pools and of runs."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, ClassVar, Protocol, runtime_checkable
 

@@ -3,8 +3,6 @@
 A line belongs to the file whose digest it bears, so what is stored anew begins without any.
 """
 
-from __future__ import annotations
-
 import csv
 import datetime
 import io
@@ -26,22 +24,17 @@ def record(owner: Pool | Experiment, label: str, whole: Whole, root: Path) -> No
     """Note of the members of a result that they were computed anew today, on this machine."""
     digest = store.provenance(store.path_of(owner, label, root))["sha256"]
     here = datetime.date.today().isoformat(), store.machine()["processor"], digest
-    until = dict.fromkeys(whole.alike, END) | {m: str(t) for m, t in whole.parted.items()}
-    name = f"{owner.name}/{label}"
-    new = {
-        (name, str(m)): dict(zip(FIELDS, (name, str(m), t, *here), strict=True))
-        for m, t in until.items()
-    }
-    kept = {(line["result"], line["member"]): line for line in _read(root)}
-    # up to its end is more than up to where rounding parted it
-    whole_already = {
-        k for k, x in kept.items() if x["alike_until"] == END and x["sha256"] == digest
-    }
-    kept |= {k: x for k, x in new.items() if x["alike_until"] == END or k not in whole_already}
+    lines = {(line["result"], line["member"]): line for line in _read(root)}
+    for member, until in [*((m, END) for m in whole.alike), *whole.parted.items()]:
+        key = f"{owner.name}/{label}", str(member)
+        old = lines.get(key, {})
+        # up to its end is more than up to where rounding parted it
+        if until == END or (old.get("alike_until"), old.get("sha256")) != (END, digest):
+            lines[key] = dict(zip(FIELDS, (*key, str(until), *here), strict=True))
     text = io.StringIO()
     writer = csv.DictWriter(text, FIELDS, lineterminator="\n")
     writer.writeheader()
-    writer.writerows(kept[key] for key in sorted(kept, key=lambda key: (key[0], int(key[1]))))
+    writer.writerows(lines[key] for key in sorted(lines, key=lambda key: (key[0], int(key[1]))))
     store.write_bytes(root / NAME, text.getvalue().encode())
 
 
@@ -49,10 +42,10 @@ def recorded(
     results: Sequence[tuple[Pool | Experiment, str]], root: Path | None = None
 ) -> list[Line]:
     """The lines that belong to results as they are stored now; none where nothing was noted."""
-    digests = {}
-    for owner, label in results:
-        path = store.path_of(owner, label, root)
-        digests[f"{owner.name}/{label}"] = store.provenance(path)["sha256"]
+    digests = {
+        f"{owner.name}/{label}": store.provenance(store.path_of(owner, label, root))["sha256"]
+        for owner, label in results
+    }
     lines = _read(root or store.results_folder())
     return [line for line in lines if digests.get(line["result"]) == line["sha256"]]
 

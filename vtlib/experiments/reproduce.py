@@ -1,7 +1,5 @@
 """Experiments computed again from nothing, in a folder of its own, beside what is stored."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from math import ceil
 from pathlib import Path
@@ -53,13 +51,10 @@ def reproduce(
     """
     first = {e.name: e if runs is None else first_runs(e, runs) for e in experiments}
     complete(list(first.values()), fresh, **workers)
-    pairs = {}
-    for e in experiments:
-        for (owner, label), (new, _) in zip(
-            store.results_of(e), store.results_of(first[e.name]), strict=True
-        ):
-            pairs[owner.name, label] = (owner, new, label)
-    return [compare(owner, new, label, root, fresh) for owner, new, label in pairs.values()]
+    return [
+        compare(owner, first.get(owner.name, owner), label, root, fresh)
+        for owner, label in store.results_behind(experiments)
+    ]
 
 
 def first_runs(experiment: Experiment, runs: int) -> Experiment:
@@ -79,19 +74,17 @@ def compare(
     about = owner.name, label, note["seconds"], note.get("megabytes", 0)
     if not store.exists(store.path_of(owner, label, root)):
         return Comparison(*about, "nothing stored to compare with")
-    old = store.stored(owner, label, root)
-    members = range(count_of(new))
+    old, members = store.stored(owner, label, root), range(count_of(new))
     whole = compare_runs(owner, label, old, anew, members, note["machine"])
     if whole.wrong:
         first, what = next(iter(whole.wrong.items()))
         verdict = f"{len(whole.wrong)} of {len(members)} differ, number {first} first: {what}"
         return Comparison(*about, verdict, different=True)
     if not whole.parted:
-        same = all(_bits(old[0][k][: len(anew[k])], anew[k]) for k in anew)
+        same = store.same_arrays({k: old[0][k][: len(anew[k])] for k in anew}, anew)
         return Comparison(*about, "identical" if same else "equal up to rounding")
-    parted = list(whole.parted)
+    means, p, parted = [], [], list(whole.parted)
     keys = ("greedy",) if label == SOURCES else ("learning", "greedy")
-    means, p = [], []
     for key in keys:
         a, b = (np.asarray(x[key], float)[parted].reshape(len(parted), -1) for x in (old[0], anew))
         means.append(f"{key} {a.mean():.4f} stored, {b.mean():.4f} anew")
@@ -102,10 +95,6 @@ def compare(
     )
     lowest = len(keys) * 2.0 ** (1 - len(parted))
     return Comparison(*about, verdict, p=min(1.0, *p), lowest=lowest)
-
-
-def _bits(a: np.ndarray, b: np.ndarray) -> bool:
-    return store.same_arrays({"": a}, {"": b})
 
 
 def _p_value(a: np.ndarray, b: np.ndarray, name: str) -> float:

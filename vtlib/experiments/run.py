@@ -5,14 +5,12 @@ experiment, the label of an algorithm, which runs, and the weights of the pool, 
 arrays that are stored.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from itertools import islice
 
 import numpy as np
 import torch
-from attrs import frozen
+from attrs import evolve, frozen
 from torch import Tensor
 
 from vtlib.envs.base import Tasks
@@ -22,7 +20,7 @@ from vtlib.experiments.experiment import Experiment
 from vtlib.experiments.sources import check_pool_weights
 from vtlib.native.runs import NativeRun, supports, train_natively
 from vtlib.rng import Rng, generator
-from vtlib.training import FINGERPRINTS, Agent, Curves, iterate, train
+from vtlib.training import FINGERPRINTS, Agent, iterate, train
 
 EVALUATION_EPISODES = 10
 
@@ -46,20 +44,14 @@ class Batch:
 
 def targets(experiment: Experiment, runs: Sequence[int]) -> Tasks:
     """The target task of each run."""
-    numbers = [experiment.task_of(run) for run in runs]
-    return experiment.family.draw_tasks(experiment.stream, numbers)
+    return experiment.family.draw_tasks(experiment.stream, [experiment.task_of(r) for r in runs])
 
 
 def chosen_sources(experiment: Experiment, runs: Sequence[int]) -> np.ndarray:
     """Indices (R, sources) of the pool's sources that each run transfers from."""
-    return np.stack(
-        [
-            generator(experiment.stream, run, "sources").choice(
-                experiment.eligible, experiment.sources, replace=False
-            )
-            for run in runs
-        ]
-    )
+    rngs = [generator(experiment.stream, run, "sources") for run in runs]
+    eligible, count = experiment.eligible, experiment.sources
+    return np.stack([rng.choice(eligible, count, replace=False) for rng in rngs])
 
 
 def prepare(
@@ -113,10 +105,6 @@ def _given(experiment: Experiment, label: str, runs: Sequence[int], weights: np.
     return torch.from_numpy(weights[chosen])
 
 
-def _names(experiment: Experiment, label: str, runs: Sequence[int]) -> list[str]:
-    return [f"run {run} of {experiment.name}, {label}" for run in runs]
-
-
 def run_batch(
     experiment: Experiment,
     label: str,
@@ -133,23 +121,24 @@ def run_batch(
     stops the training by returning False. Another engine that keeps these arrays can stand here,
     as the kernels do where they know the environment and nothing but returns is asked for.
     """
-    more = {}
-    how_long = experiment.iterations, experiment.every
-    if device == "cpu" and not _looked_at(experiment):
-        curves = _returns(experiment, label, runs, weights, *how_long, progress)
+    names = [f"run {run} of {experiment.name}, {label}" for run in runs]
+    how = experiment.iterations, experiment.every, names, progress
+    more: dict[str, np.ndarray] = {}
+    known = device == "cpu" and by_kernels(experiment, label)
+    alone = prepare_natively(experiment, label, runs, weights) if known else None
+    if alone is not None:
+        curves = train_natively(alone, _evaluation(experiment, runs), *how)
     else:
-        batch = prepare(experiment, label, runs, weights, device)
-        probe = experiment.probe and experiment.probe(
-            experiment, label, runs, targets(experiment, runs)
-        )
+        batch, probe = prepare(experiment, label, runs, weights, device), None
+        if experiment.probe is not None:
+            probe = experiment.probe(experiment, label, runs, targets(experiment, runs))
 
         def evaluate(mu: Tensor) -> Tensor:
             if probe is not None:
                 probe.look(batch.agent)
             return batch.evaluate(mu)
 
-        names = _names(experiment, label, runs)
-        curves = train(batch.agent, batch.episodes, evaluate, *how_long, names, progress)
+        curves = train(batch.agent, batch.episodes, evaluate, *how)
         if experiment.visits:
             more["visited"] = batch.episodes.visited.numpy()
         if probe is not None:
@@ -162,24 +151,6 @@ def run_batch(
         "fingerprints": curves.fingerprints,
         **more,
     }
-
-
-def _returns(
-    experiment: Experiment,
-    label: str,
-    runs: Sequence[int],
-    weights: np.ndarray,
-    iterations: int,
-    every: int,
-    progress: Callable[[int], bool] | None = None,
-) -> Curves:
-    """Returns and fingerprints of some runs, by the kernels if they can."""
-    alone = prepare_natively(experiment, label, runs, weights)
-    how = iterations, every, _names(experiment, label, runs), progress
-    if alone is not None:
-        return train_natively(alone, _evaluation(experiment, runs), *how)
-    batch = prepare(experiment, label, runs, weights)
-    return train(batch.agent, batch.episodes, batch.evaluate, *how)
 
 
 def prepare_natively(
@@ -196,15 +167,10 @@ def prepare_natively(
     ]
 
 
-def _looked_at(experiment: Experiment) -> bool:
-    """Whether more is asked for than returns, which only the engine tells."""
-    return bool(experiment.visits or experiment.probe)
-
-
 def by_kernels(experiment: Experiment, label: str) -> bool:
     """Whether the stored result of a label is the kernels', which compute each run alone."""
-    if label not in experiment.algorithms or _looked_at(experiment):
-        return False
+    if label not in experiment.algorithms or experiment.visits or experiment.probe:
+        return False  # what is more than returns only the engine tells
     known = experiment.family, experiment.algorithms[label], experiment.sources_of(label)
     return supports(*known)
 
@@ -214,7 +180,8 @@ def head(
 ) -> np.ndarray:
     """Fingerprints (R, 3, 4) of the first iterations of some runs, computed anew."""
     last = FINGERPRINTS[-1]
-    return _returns(experiment, label, runs, weights, last, last + 1).fingerprints
+    short = evolve(experiment, iterations=last, every=last, visits=False, probes=0, probe=None)
+    return run_batch(short, label, runs, weights)["fingerprints"]
 
 
 def task_table(experiment: Experiment) -> dict[str, np.ndarray]:

@@ -7,8 +7,6 @@ unit; killed at any moment, the same call goes on with the units that are missin
 Rocklin (2015), https://distributed.dask.org.
 """
 
-from __future__ import annotations
-
 import contextlib
 import logging
 import math
@@ -136,8 +134,7 @@ def check(units: Iterable[Unit], root: Path) -> None:
     places = {path: unit for unit in units for path in (root / unit.result, root / unit.part)}
     for path, unit in places.items():
         if store.exists(path):
-            _, note = store.read(path)
-            store.check_note(path, note, unit.owner, unit.label)
+            store.check_note(path, store.read(path)[1], unit.owner, unit.label)
 
 
 def join_finished(units: Iterable[Unit], root: Path) -> None:
@@ -145,25 +142,31 @@ def join_finished(units: Iterable[Unit], root: Path) -> None:
     for result, siblings in groupby(units, lambda unit: unit.result):
         group = list(siblings)
         if not store.exists(root / result):
-            if not all(store.exists(root / u.part) for u in group):
+            if not all(store.exists(root / unit.part) for unit in group):
                 continue
             check(group, root)
-            parts = [store.read(root / u.part) for u in group]
-            store.save(root / result, *_joined(group[0], *zip(*parts, strict=True)))
+            parts, notes = zip(*(store.read(root / unit.part) for unit in group), strict=True)
+            store.save(root / result, joined(parts), _joined_notes(group[0], notes))
         for unit in group:
             store.remove(root / unit.part)
 
 
-def _joined(
-    unit: Unit, parts: Sequence[store.Arrays], notes: Sequence[store.Note]
-) -> tuple[store.Arrays, store.Note]:
-    """Arrays of all runs, with the iterations that all recorded alike, and their provenance."""
-    shared = {"iterations"} if "learning" in parts[0] else set()
-    arrays = {
+def joined(parts: Sequence[store.Arrays]) -> store.Arrays:
+    """Arrays of all members, from those of some at a time."""
+    shared = shared_by_all(parts[0])
+    return {
         key: one if key in shared else np.concatenate([part[key] for part in parts])
         for key, one in parts[0].items()
     }
-    return arrays, {
+
+
+def shared_by_all(arrays: store.Arrays) -> set[str]:
+    """The arrays that are the same for all members: of runs, the iterations that were recorded."""
+    return {"iterations"} if "learning" in arrays else set()
+
+
+def _joined_notes(unit: Unit, notes: Sequence[store.Note]) -> store.Note:
+    return {
         "owner": unit.owner.name,
         "label": unit.label,
         "config": store.config_of(unit.owner, unit.label),
@@ -213,9 +216,9 @@ def complete(
     """
     root = root or store.results_folder()
     store.check_writable(root)
-    pools = {e.pool.name: e.pool for e in experiments}
-    units = [unit for pool in pools.values() for unit in units_of(pool)]
-    units += [unit for experiment in experiments for unit in units_of(experiment)]
+    pools = {e.pool.name: e.pool for e in experiments}.values()
+    owners: list[Pool | Experiment] = [*pools, *experiments]
+    units = [unit for owner in owners for unit in units_of(owner)]
     check(units, root)
     join_finished(units, root)
     missing = [u for u in units if not done(u, root)]

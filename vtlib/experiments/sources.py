@@ -1,7 +1,5 @@
 """Source tasks: solved without transfer, checked against the optimum, trained on if short."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from itertools import islice
 from typing import Protocol, runtime_checkable

@@ -5,8 +5,6 @@ noticed when it is read, and a pair is either complete or absent. What belongs t
 experiment also holds the configuration that it was computed under, and is refused under another.
 """
 
-from __future__ import annotations
-
 import glob
 import hashlib
 import io

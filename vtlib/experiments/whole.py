@@ -4,8 +4,6 @@ Learning is chaotic. Where the arithmetic may round otherwise than that of the s
 sends a run elsewhere sooner or later; up to there its numbers are the stored ones.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -17,7 +15,7 @@ from vtlib.checks import check_whole
 from vtlib.experiments import sources, store
 from vtlib.experiments.experiment import TASKS, Experiment, Pool
 from vtlib.experiments.run import by_kernels
-from vtlib.experiments.schedule import Unit, compute, units_of
+from vtlib.experiments.schedule import Unit, compute, joined, shared_by_all, units_of
 from vtlib.native.build import LEVELS
 from vtlib.training import FINGERPRINTS
 
@@ -64,46 +62,47 @@ def count_of(owner: Pool | Experiment) -> int:
     return owner.count if isinstance(owner, Pool) else owner.runs
 
 
+def members_of(owner: Pool | Experiment, members: Sequence[int] | None = None) -> list[int]:
+    """Some members in order, each once, or all; ValueError unless the owner's results have them."""
+    chosen = range(count_of(owner)) if members is None else members
+    for member in chosen:
+        check_whole("member", member, 0, count_of(owner) - 1)
+    return sorted(set(chosen))
+
+
 def verify(
     *experiments: Experiment, root: Path | None = None, rng: np.random.Generator | None = None
 ) -> Iterator[tuple[Pool | Experiment, str, Whole]]:
     """Compute every stored result behind experiments anew, or of each one member that rng draws."""
     for owner, label in store.results_behind(experiments):
-        count = count_of(owner)
-        members = range(count) if rng is None else [int(rng.integers(count))]
+        members = None if rng is None else [int(rng.integers(count_of(owner)))]
         yield owner, label, check_runs(owner, label, members, root)
 
 
 def check_runs(
-    owner: Pool | Experiment, label: str, members: Sequence[int], root: Path | None = None
+    owner: Pool | Experiment,
+    label: str,
+    members: Sequence[int] | None = None,
+    root: Path | None = None,
 ) -> Whole:
-    """Compute members of a stored result anew and compare all that is stored of them.
+    """Compute members of a stored result anew, or all, and compare all that is stored of them.
 
     Raises as ``store.stored`` does, and ValueError unless members are among those of the result.
     """
-    arrays, note = store.stored(owner, label, root)
-    for member in members:
-        check_whole("member", member, 0, count_of(owner) - 1)
-    chosen = sorted(set(members))
+    stored, chosen = store.stored(owner, label, root), members_of(owner, members)
     given = None if isinstance(owner, Pool) else store.weights(owner.pool, root)
-    computed = _computed(owner, label, chosen, given)
-    return compare_runs(owner, label, (arrays, note), computed, chosen)
+    return compare_runs(owner, label, stored, _computed(owner, label, chosen, given), chosen)
 
 
 def _computed(
     owner: Pool | Experiment, label: str, members: list[int], given: np.ndarray | None
 ) -> store.Arrays:
     """The arrays of members, computed as for the store: alone by the kernels, else in batches."""
-    parts = []
-    for unit in _units(owner, label, members):
-        rows = [row for row, member in enumerate(unit.members) if member in members]
-        arrays = compute(unit, given)[0]
-        shared = {"iterations"} if "learning" in arrays else set()
-        parts.append({k: v if k in shared else v[rows] for k, v in arrays.items()})
-    return {
-        key: one if key in shared else np.concatenate([part[key] for part in parts])
-        for key, one in parts[0].items()
-    }
+    units = _units(owner, label, members)
+    arrays = joined([compute(unit, given)[0] for unit in units])
+    rows = np.flatnonzero(np.isin([member for unit in units for member in unit.members], members))
+    shared = shared_by_all(arrays)
+    return {key: array if key in shared else array[rows] for key, array in arrays.items()}
 
 
 def _units(owner: Pool | Experiment, label: str, members: Sequence[int]) -> list[Unit]:
@@ -128,16 +127,11 @@ def compare_runs(
 ) -> Whole:
     """A stored result beside arrays of some of its members, computed anew, here or on a machine."""
     arrays, note = stored
-    machine = machine or store.machine()
-    exact = (
-        label == TASKS
-        or not computed_elsewhere(note, machine)
-        or ("device" not in machine and _rounds_alike(owner, label))
-    )
+    rounds = _rounds_otherwise(owner, label, note, machine or store.machine())
     found = Whole([], {}, {})
     for row, member in enumerate(members):
         differs = differences(arrays, computed, member, row, count_of(owner))
-        until = None if exact or not differs else _parted(owner, member, arrays, differs)
+        until = _parted(owner, member, arrays, differs) if rounds and differs else None
         if not differs:
             found.alike.append(member)
         elif until is None:
@@ -147,64 +141,59 @@ def compare_runs(
     return found
 
 
-def _rounds_alike(owner: Pool | Experiment, label: str) -> bool:
-    """Whether every processor that has the widest kernels gives a result the same bits."""
-    if isinstance(owner, Pool) or not by_kernels(owner, label):
-        return False
-    # a Gaussian's first factor is LAPACK's, which rounds as each processor likes
-    gaussian = getattr(owner.algorithms[label], "family", None) == "gaussian"
-    return native.level() == next(iter(LEVELS)) and not gaussian
-
-
-def computed_elsewhere(note: store.Note, machine: Mapping[str, str]) -> bool:
-    """Whether a result is of another kind of processor, or device, than that of a machine."""
+def _rounds_otherwise(
+    owner: Pool | Experiment, label: str, note: store.Note, machine: Mapping[str, str]
+) -> bool:
+    """Whether a machine may round otherwise than that on which a result was computed."""
     there = note.get("machine")
-    if not isinstance(there, dict) or there.get("processor") is None:
+    if label == TASKS or not isinstance(there, dict) or there.get("processor") is None:
         return False
-    return any(there.get(part) != machine.get(part) for part in ("processor", "device"))
+    if all(there.get(part) == machine.get(part) for part in ("processor", "device")):
+        return False
+    if "device" in machine or isinstance(owner, Pool) or not by_kernels(owner, label):
+        return True
+    # the widest kernels round alike everywhere, but a Gaussian's first factor is LAPACK's
+    gaussian = getattr(owner.algorithms[label], "family", None) == "gaussian"
+    return gaussian or native.level() != next(iter(LEVELS))
 
 
 def differences(
     stored: store.Arrays, computed: store.Arrays, member: int, row: int, count: int
 ) -> list[Difference]:
     """Where a member, one of ``count``, is not what is in its row of those computed anew."""
-    recorded = computed["iterations"] if "learning" in computed else np.zeros(0, int)
-    found = []
+    found, shared = [], shared_by_all(computed)
     for key in sorted(stored.keys() | computed.keys()):
-        old, new = stored.get(key), computed.get(key)
-        if old is None or new is None:
-            missing = ["missing" if x is None else "there" for x in (old, new)]
-            found.append(Difference(0, key, missing[0], missing[1]))
+        if key not in stored or key not in computed:
+            before, now = ("missing", "there") if key in computed else ("there", "missing")
+            found.append(Difference(0, key, before, now))
             continue
-        if key != "iterations" or not len(recorded):
-            if old.shape[:1] != (count,):
-                found.append(
-                    Difference(0, key, f"of {len(np.atleast_1d(old))} members", f"of {count}")
-                )
-                continue
+        old, new = stored[key], computed[key]
+        shape = new.shape if key in shared else (count, *new.shape[1:])
+        if (old.shape, old.dtype.kind) != (shape, new.dtype.kind):
+            found.append(Difference(0, key, f"{old.dtype}{old.shape}", f"{new.dtype}{shape}"))
+            continue
+        if key not in shared:
             old, new = old[member], new[row]
-        if (old.shape, old.dtype.kind) != (new.shape, new.dtype.kind):
-            found.append(Difference(0, key, f"{old.dtype}{old.shape}", f"{new.dtype}{new.shape}"))
-            continue
         wrong = np.argwhere(~np.isclose(old, new, RELATIVE, ABSOLUTE, equal_nan=True))
         if len(wrong):
             first = tuple(wrong[0])
-            at = _iteration(key, old.shape[:1], first[:1], recorded)
+            at = _iteration(key, old.shape[:1], first, computed) if key not in shared else 0
             found.append(Difference(at, key, old[first], new[first], len(wrong)))
     return found
 
 
 def _iteration(
-    key: str, shape: tuple[int, ...], place: tuple[int, ...], recorded: np.ndarray
+    key: str, length: tuple[int, ...], place: tuple[int, ...], computed: store.Arrays
 ) -> int:
     """The iteration that a place along an array belongs to; 0 if to none."""
     if key == "fingerprints":
         return FINGERPRINTS[place[0]]
-    if key == "iterations" or not len(recorded):
+    if not shared_by_all(computed):
         return 0
-    if shape == recorded.shape:
+    recorded = computed["iterations"]
+    if length == recorded.shape:
         return int(recorded[place[0]])
-    return int(place[0]) + 1 if shape == (recorded[-1],) else 0
+    return int(place[0]) + 1 if length == (recorded[-1],) else 0
 
 
 def _parted(
@@ -217,8 +206,10 @@ def _parted(
     by_key = {x.key: x for x in differs}
     prints = by_key.get("fingerprints")
     first = min((x.iteration for x in differs if x.iteration), default=0)
-    if prints and prints.iteration == FINGERPRINTS[0]:
+    if prints and prints.iteration <= FINGERPRINTS[0]:
         return None
+    if stored.keys() == {"fingerprints"}:  # of heads nothing else is known
+        return first - 1
     if isinstance(owner, Pool):
         if by_key.keys() - {"fingerprints", *TRAINED}:
             return None

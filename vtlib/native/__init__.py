@@ -3,8 +3,6 @@
 What is not compiled is not used: torch computes the same, up to rounding.
 """
 
-from __future__ import annotations
-
 import ctypes
 import functools
 from typing import Any

@@ -1,7 +1,5 @@
 """Compiles the kernels with Zig's C++ compiler, which is a Python package: no system tools."""
 
-from __future__ import annotations
-
 import platform
 import subprocess
 import sys

@@ -5,8 +5,6 @@ memory. ``train_natively`` stands for ``vtlib.training.train`` where ``supports`
 numbers are those of the engine's streams.
 """
 
-from __future__ import annotations
-
 import ctypes
 from collections.abc import Callable, Sequence
 from typing import Any

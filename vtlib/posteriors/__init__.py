@@ -1,7 +1,5 @@
 """Variational posteriors over Q-function weights, by the form of their covariance."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 from torch import Tensor

@@ -1,7 +1,5 @@
 """What a posterior offers to the engine, and what those have in common that sample w = mu + L z."""
 
-from __future__ import annotations
-
 import math
 from abc import ABC, abstractmethod
 from typing import NamedTuple, Protocol

@@ -1,7 +1,5 @@
 """The same update for many weights: memory is passed once in a block of iterations."""
 
-from __future__ import annotations
-
 import ctypes
 
 import torch

@@ -1,7 +1,5 @@
 """Posteriors with a full covariance, plainly: the reference of `Fused`, and for graphics cards."""
 
-from __future__ import annotations
-
 import torch
 from torch import Tensor
 

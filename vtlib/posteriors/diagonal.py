@@ -1,7 +1,5 @@
 """Posteriors without correlations: standard deviations in place of Cholesky factors."""
 
-from __future__ import annotations
-
 import torch
 from torch import Tensor
 

@@ -1,7 +1,5 @@
 """The same update of Cholesky factors in C++: memory is passed once, for a step and samples."""
 
-from __future__ import annotations
-
 import ctypes
 
 import torch

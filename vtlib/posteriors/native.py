@@ -1,7 +1,5 @@
 """Cholesky factors that live in memory of the kernels in C++."""
 
-from __future__ import annotations
-
 import ctypes
 from typing import Any, ClassVar
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import torch
 
-from vtlib.envs import Mazes, load_mazes, parse_maze
+from vtlib.envs import Mazes, load_mazes
 from vtlib.envs.maze.library import FILE, library, named
 
 CORNERS = {"north-east": (9, 9), "north-west": (0, 9), "south-west": (0, 0), "south-east": (9, 0)}
@@ -25,80 +25,63 @@ DRAWING = """
 .#.#....#.
 ...#.####.
 """
+NO_WAY = "no way leads to the goal from"
 
 
 def changed(row: int, text: str) -> str:
-    """The drawing with another row."""
+    """The drawing, named "mine", with another row."""
     rows = DRAWING.strip().splitlines()
-    return "\n".join([*rows[:row], text, *rows[row + 1 :]])
+    return "\n".join(["mine", *rows[:row], text, *rows[row + 1 :]])
 
 
 def test_the_library_holds_five_mazes_for_each_corner() -> None:
     corners = [corner for corner in CORNERS for _ in range(5)]
     assert list(library()) == [f"{corner} {number}" for number, corner in enumerate(corners)]
     for name, maze in library().items():
-        assert maze.name == name
-        assert maze.goal == CORNERS[name.split()[0]]
+        assert (maze.name, maze.goal) == (name, CORNERS[name.split()[0]])
         assert named(name) is maze
-
-
-def test_a_drawing_is_read_with_its_first_row_on_top() -> None:
-    maze = parse_maze(DRAWING, "mine")
-    assert (maze.name, maze.goal) == ("mine", (9, 9))
-    walls = {(0, 9), (0, 8), (1, 1), (3, 0)}
-    free = {(1, 9), (0, 0), (9, 0), (4, 0)}
-    assert all(maze.walls[cell] for cell in walls)
-    assert not any(maze.walls[cell] for cell in free)
     # the second row of the first published maze
     assert np.flatnonzero(named("north-east 0").walls[:, 8]).tolist() == [1]
 
 
 def test_ones_own_mazes_become_tasks_beside_the_librarys(tmp_path: Path) -> None:
     path = tmp_path / "own.txt"
-    path.write_text(
-        f"; My mazes.\n\nfirst\n{DRAWING.strip()}\n  \n\n second \r\n; G below\n"
-        + f"{changed(0, 'G.........').strip()}  \n"
-    )
+    second = changed(0, "G.........")
+    path.write_text(f"; My mazes.\n\nfirst\n{DRAWING.strip()}\n  \n\n {second} \r\n; G below\n  \n")
     own = load_mazes(path)
-    assert list(own) == ["first", "second"]
-    assert own["second"].goal == (0, 9)
-    tasks = Mazes.of([own["second"], "south-west 10", own["first"]])
+    assert [(name, maze.name, maze.goal) for name, maze in own.items()] == [
+        ("first", "first", (9, 9)),
+        ("mine", "mine", (0, 9)),
+    ]
+    # [x, y] from the bottom left, the first row on top
+    walls, free = ([0, 0, 1, 3], [9, 8, 1, 0]), ([1, 0, 9, 4], [9, 0, 0, 0])
+    assert own["first"].walls[walls].all()
+    assert not own["first"].walls[free].any()
+    tasks = Mazes.of([own["mine"], "south-west 10", own["first"]])
     assert tasks.goal.tolist() == [[0, 9], [0, 0], [9, 9]]
     assert torch.equal(tasks.walls[2], torch.from_numpy(own["first"].walls))
     assert load_mazes(str(path)).keys() == own.keys()
 
 
 @pytest.mark.parametrize(
-    ("drawing", "fault"),
-    [
-        ("", "there are 0 rows, not 10"),
-        (changed(2, "..........\n.........."), "there are 11 rows, not 10"),
-        (changed(2, "........."), "row 3 has 9 cells, not 10"),
-        (changed(2, ".... ....."), "row 3 has ' ', which is none of # . G"),
-        (changed(0, "#........."), "there are 0 cells G, not 1"),
-        (changed(2, "G........."), "there are 2 cells G, not 1"),
-        (changed(0, "#.......G."), "the goal, in row 1, column 9, is not in a corner"),
-        (changed(2, "#.###....."), "no way leads to the goal from row 3, column 6"),
-        ("#########G\n" + "##########\n" * 9, "there is no free cell to start from"),
-        ("G........#\n" + "#########.\n" * 9, "no way leads to the goal from row 2, column 10"),
-    ],
-)
-def test_a_wrong_drawing_gets_one_line_with_name_and_fault(drawing: str, fault: str) -> None:
-    with pytest.raises(ValueError) as caught:
-        parse_maze(drawing, "mine")
-    assert str(caught.value) == f"mine: {fault}"
-
-
-@pytest.mark.parametrize(
     ("text", "fault"),
     [
+        ("mine", "mine: there are 0 rows, not 10"),
+        (changed(2, "..........\n.........."), "mine: there are 11 rows, not 10"),
+        (changed(2, "........."), "mine: row 3 has 9 cells, not 10"),
+        (changed(2, ".... ....."), "mine: row 3 has ' ', which is none of # . G"),
+        (changed(0, "#........."), "mine: there are 0 cells G, not 1"),
+        (changed(2, "G........."), "mine: there are 2 cells G, not 1"),
+        (changed(0, "#.......G."), "mine: the goal, in row 1, column 9, is not in a corner"),
+        (changed(2, "#.###....."), f"mine: {NO_WAY} row 3, column 6"),
+        ("mine\n#########G" + "\n##########" * 9, "mine: there is no free cell to start from"),
+        ("mine\nG........#" + "\n#########." * 9, f"mine: {NO_WAY} row 2, column 10"),
         ("", "own.txt: there is no maze in it"),
         (DRAWING, "own.txt: the maze that begins with #........G has no name"),
         (f"a{DRAWING}\na{DRAWING}", "own.txt: two mazes are called a"),
-        (f"a{DRAWING}b{DRAWING}", "a: there are 21 rows, not 10"),
     ],
 )
-def test_a_wrong_file_gets_one_line(tmp_path: Path, text: str, fault: str) -> None:
+def test_a_wrong_drawing_or_file_gets_one_line(tmp_path: Path, text: str, fault: str) -> None:
     path = tmp_path / "own.txt"
     path.write_text(text)
     with pytest.raises(ValueError) as caught:

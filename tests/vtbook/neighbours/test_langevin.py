@@ -1,7 +1,5 @@
 """The chain: one step by its formula, and the law of its weights on a quadratic error."""
 
-from __future__ import annotations
-
 import pytest
 import torch
 
@@ -14,23 +12,23 @@ from vtlib.rng import Rng
 LINE = MLP((1, 1))  # Q = w x + b, and at x = 1 the weights' sum
 
 
-def at_one(runs, reward):
-    one, yes = torch.ones(runs, 1), torch.ones(runs, dtype=torch.bool)
-    return Transition(one, torch.zeros(runs).long(), torch.full((runs,), reward), one, yes)
+def agent_of(sources, **settings):
+    """An agent of some runs, and the transition that always comes: from 1 with a reward of 2."""
+    one, runs = torch.ones(len(sources), 1), range(len(sources))
+    step = Transition(one, one[:, 0].long() - 1, 2 * one[:, 0], one, one[:, 0].bool())
+    return LangevinSettings(**settings).agent(LINE, sources, 1, Rng("t", runs)), step
 
 
 @pytest.mark.parametrize("kind", ["gaussian", "mixture"])
 def test_a_step_is_its_formula(kind):
     sources = torch.randn(2, 3, LINE.d, generator=torch.Generator().manual_seed(0))
-    settings = LangevinSettings(
-        lambda_=0.1, alpha=0.02, bias=0.3, prior=kind, jitter=0.5, sigma_p2=0.2, minibatch=2
-    )
-    agent = settings.agent(LINE, sources, 1, Rng("t", range(2)))
+    how = {"lambda_": 0.1, "alpha": 0.02, "bias": 0.3, "jitter": 0.5, "sigma_p2": 0.2}
+    agent, step = agent_of(sources, prior=kind, minibatch=2, **how)
     noise = Rng("t", range(2)).stream("posterior")
     prior = GaussianPrior(sources, 0.5) if kind == "gaussian" else MixturePrior(sources, 0.2)
     w, m, v = sources.mean(1, keepdim=True), torch.zeros(1), torch.zeros(1)
     for t in range(1, 6):
-        agent.learn(at_one(2, 2.0))
+        agent.learn(step)
         g = 2 * (w.sum(-1, keepdim=True) - 2.0) + 0.1 / t * prior.pull(w)
         m, v = 0.9 * m + 0.1 * g, 0.999 * v + 0.001 * g**2
         xi = noise.normal(LINE.d).unsqueeze(1)
@@ -39,24 +37,21 @@ def test_a_step_is_its_formula(kind):
 
 
 def test_the_law_of_the_weights_on_a_quadratic_error_is_the_exact_recursion():
-    runs, lambda_, alpha, jitter, reward = 4000, 2.0, 0.05, 0.5, 1.5
+    runs, lambda_, alpha, jitter = 4000, 2.0, 0.05, 0.5
     same = torch.zeros(runs, 1, LINE.d)  # no spread: a prior N(0, jitter I)
-    settings = LangevinSettings(
-        lambda_=lambda_, alpha=alpha, bias=0.0, prior="gaussian", jitter=jitter, minibatch=1
-    )
-    agent = settings.agent(LINE, same, 1, Rng("t", range(runs)))
-    # along (1, 1) / sqrt 2 the error has curvature 4 and is least at reward / sqrt 2
+    how = {"lambda_": lambda_, "alpha": alpha, "bias": 0.0, "jitter": jitter}
+    agent, step = agent_of(same, prior="gaussian", minibatch=1, **how)
+    # along (1, 1) / sqrt 2 the error has curvature 4 and is least at the reward by sqrt 2
     mean, along, across = 0.0, 0.0, 0.0
     for t in range(1, 41):
-        agent.learn(at_one(runs, reward))
+        agent.learn(step)
         heat = lambda_ / t
         pull = heat / jitter
-        mean += alpha * (4 * (reward / 2**0.5 - mean) - pull * mean)
+        mean += alpha * (4 * (2 / 2**0.5 - mean) - pull * mean)
         along = (1 - alpha * (4 + pull)) ** 2 * along + 2 * alpha * heat
         across = (1 - alpha * pull) ** 2 * across + 2 * alpha * heat
-    u = agent.mu[:, 0] @ torch.tensor([[1.0, 1.0], [1.0, -1.0]]).T / 2**0.5
+    u = agent.mu[:, 0] @ torch.tensor([[1.0, 1.0], [1.0, -1.0]]) / 2**0.5
     error = 5 / runs**0.5  # five standard errors of a mean; of a variance sqrt 2 times as many
-    assert abs(float(u[:, 0].mean()) - mean) < error * along**0.5
-    assert abs(float(u[:, 0].var()) / along - 1) < error * 2**0.5
-    assert abs(float(u[:, 1].mean())) < error * across**0.5
-    assert abs(float(u[:, 1].var()) / across - 1) < error * 2**0.5
+    variances = torch.tensor([along, across])
+    assert ((u.mean(0) - torch.tensor([mean, 0.0])).abs() < error * variances**0.5).all()
+    assert ((u.var(0) / variances - 1).abs() < error * 2**0.5).all()

@@ -3,7 +3,7 @@
 "use strict";
 
 const path = require("node:path");
-const { Run, decodePool } = require(path.resolve(__dirname, "../../book/_static/trainer_worker.js"));
+const { Run, decodePool } = require(path.resolve(__dirname, "../../../book/_static/trainer_worker.js"));
 const { setup, pool } = require("./given.js");
 
 const module_ = new WebAssembly.Module(Buffer.from(setup.wasm, "base64"));

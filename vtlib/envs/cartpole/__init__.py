@@ -1,7 +1,5 @@
 """Cartpole: what it brings to the experiments."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Cartpole as a Gymnasium environment, over `Cartpole.step`."""
 
-from __future__ import annotations
-
 import numpy as np
 from gymnasium import spaces
 

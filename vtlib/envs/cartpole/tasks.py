@@ -1,7 +1,5 @@
 """Cartpole (thesis section 6.2.1): batched dynamics of many tasks."""
 
-from __future__ import annotations
-
 import math
 from typing import ClassVar
 

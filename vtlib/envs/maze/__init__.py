@@ -1,7 +1,5 @@
 """Maze navigation: what it brings to the experiments."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

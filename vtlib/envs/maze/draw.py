@@ -1,7 +1,5 @@
 """Plain drawing of a maze: used by the environment's pictures and by the book."""
 
-from __future__ import annotations
-
 import numpy as np
 import torch
 from matplotlib.axes import Axes

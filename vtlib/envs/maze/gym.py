@@ -1,7 +1,5 @@
 """Maze navigation as a Gymnasium environment, over `Mazes.step`."""
 
-from __future__ import annotations
-
 import numpy as np
 from gymnasium import spaces
 

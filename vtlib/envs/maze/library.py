@@ -1,7 +1,5 @@
 """Mazes as text that a person can read and edit, and the twenty that come with the library."""
 
-from __future__ import annotations
-
 import functools
 from collections.abc import Iterator
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Optimal values of mazes by dynamic programming on a grid of positions and headings."""
 
-from __future__ import annotations
-
 import math
 
 import torch

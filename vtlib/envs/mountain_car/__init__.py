@@ -1,7 +1,5 @@
 """Mountain car: what it brings to the experiments."""
 
-from __future__ import annotations
-
 import numpy as np
 import torch
 from attrs import evolve, field, frozen

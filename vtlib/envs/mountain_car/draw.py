@@ -1,7 +1,5 @@
 """Plain drawing of the mountain car: used by the environment's pictures and by the book."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

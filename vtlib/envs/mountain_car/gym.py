@@ -1,7 +1,5 @@
 """Mountain car as a Gymnasium environment, over `MountainCar.step`."""
 
-from __future__ import annotations
-
 import numpy as np
 from gymnasium import spaces
 

@@ -1,7 +1,5 @@
 """Optimal values of mountain car tasks by dynamic programming on a fine grid."""
 
-from __future__ import annotations
-
 import torch
 from torch import Tensor
 

@@ -1,7 +1,5 @@
 """Mountain car (thesis section 6.2.2): batched dynamics of many tasks."""
 
-from __future__ import annotations
-
 from typing import ClassVar
 
 import torch

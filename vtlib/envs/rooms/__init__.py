@@ -1,7 +1,5 @@
 """The rooms problem: what it brings to the experiments."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import cast
 

@@ -1,7 +1,5 @@
 """Plain drawing of a rooms task: used by the environment's pictures and by the book."""
 
-from __future__ import annotations
-
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import Wedge

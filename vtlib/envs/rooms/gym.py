@@ -1,7 +1,5 @@
 """The rooms problem as a Gymnasium environment, over `Rooms.step`."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,0 +1,151 @@
+"""The posteriors in C++: they equal the plain update, whatever happens in a block of iterations."""
+
+from __future__ import annotations
+
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from torch import Tensor
+
+from vtlib import posteriors
+from vtlib.posteriors import COVARIANCES, MANY, Descent
+from vtlib.posteriors.blocked import DRAWS, Blocked
+from vtlib.posteriors.dense import Dense
+from vtlib.posteriors.fused import Fused
+from vtlib.posteriors.native import MOST_SAMPLES
+from vtlib.priors import GaussianPrior, Precision, Start
+from vtlib.rng import Stream
+
+SIDE = 32  # of the kernel's squares
+PULL = 0.02
+Pair = tuple[Fused | Blocked, Dense]
+either = pytest.mark.parametrize("kind", [Fused, Blocked])
+
+
+def draw(*shape: int, seed: int) -> Tensor:
+    return torch.randn(shape, generator=torch.Generator().manual_seed(seed))
+
+
+def both(
+    kind: type, d: int, samples: int, descent: Descent, members: tuple[int, int] = (1, 1)
+) -> Pair:
+    """The same posterior by a kernel and plainly."""
+    runs, precision = members[0], Precision(5.0)
+    if members[1] == 1 and (kind is Fused or descent.kl == "diagonal"):
+        precision = GaussianPrior(draw(runs, 4, d, seed=7), 0.2).precision
+    spread = 0.4 * draw(runs, d, 3, seed=2) if d % 3 else None
+    start = Start(draw(*members, d, seed=1), 0.3, spread)
+    return tuple(
+        each(start, precision, descent, Stream("t", range(runs), "posterior"), samples)
+        for each in (kind, Dense)
+    )
+
+
+def assert_equal_samples(pair: Pair) -> Tensor:
+    """Up to rounding; the plain ones are returned."""
+    ours, plain = (each.sample() for each in pair)
+    torch.testing.assert_close(ours, plain, rtol=0, atol=2e-5 * plain.abs().max().item())
+    return plain
+
+
+def step(pair: Pair, gradients: Tensor, pull: float = PULL) -> None:
+    for each in pair:
+        each.step(gradients, pull)
+
+
+def assert_equal_factors(pair: Pair) -> None:
+    ours, plain = (each.scale_tril for each in pair)
+    torch.testing.assert_close(ours, plain, rtol=0, atol=2e-5 * plain.abs().max().item())
+    assert torch.equal(ours, ours.tril())
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    st.sampled_from([Fused, Blocked]),
+    st.integers(1, 3 * SIDE + 5),
+    st.integers(2, MOST_SAMPLES),
+    st.tuples(st.integers(1, 2), st.integers(1, 3)),
+    st.sampled_from(["full", "diagonal"]),
+    st.sampled_from([None, 0.3, 1.0, 1000.0]),
+    st.sampled_from([None, 2.0, 100.0]),
+    st.sampled_from([1e-4, 0.5]),
+    st.sampled_from([0.02, 1.0]),
+    st.integers(1, MOST_SAMPLES),
+)
+def test_any_shape_equals_the_plain_update(
+    kind, d, samples, members, kl, clip, kl_clip, sigma_min, pull, used
+):
+    pair = both(kind, d, samples, Descent(0.05, sigma_min, clip, kl, kl_clip), members)
+    # two blocks and the beginning of the next
+    for t in range(2 * (DRAWS // samples) + 2):
+        plain = assert_equal_samples(pair)[:, :, -used:]
+        step(pair, 0.05 * (0.2 * plain + draw(*plain.shape, seed=1000 + t)), pull)
+    assert_equal_factors(pair)
+
+
+@either
+@pytest.mark.parametrize("samples", [2, 6, 11, 16])
+@pytest.mark.parametrize("kl", ["full", "diagonal"])
+@pytest.mark.parametrize("clip", [None, 1.0])
+def test_whatever_happens_in_a_block_equals_the_plain_update(kind, samples, kl, clip):
+    pair = both(kind, 200, samples, Descent(0.05, 0.1, clip, kl), (1, 2))
+    for t in range(110):
+        plain = assert_equal_samples(pair)[:, :, 1:]
+        gradients = 0.02 * (0.2 * plain + draw(*plain.shape, seed=t))
+        if t % 13 in (3, 4):
+            gradients[:, 1] *= 30  # the first member is left alone
+        # the factor keeps 1 - 5 alpha pull of its size: most, a quarter, or less than nothing
+        step(pair, gradients, (0.1, 3.0, 5.0, 9.0)[t % 4] if t % 17 == 9 else PULL)
+        if t % 5 == 1:
+            step(pair, draw(*plain.shape, seed=t))  # without samples between
+        if t % 7 == 3:
+            assert_equal_samples(pair)  # with which no step is made
+    assert_equal_factors(pair)
+
+
+@either
+def test_looking_at_the_factors_changes_nothing(kind):
+    looked, alone = (both(kind, 2 * SIDE + 3, 11, Descent(0.02, 1e-3))[0] for _ in range(2))
+    for t in range(DRAWS // 11 + 3):
+        assert torch.equal(looked.sample(), alone.sample())
+        step((looked, alone), draw(1, 1, 10, 2 * SIDE + 3, seed=t), 0.1)
+        assert torch.equal(looked.scale_tril, looked.scale_tril)
+    assert torch.equal(looked.scale_tril, alone.scale_tril)
+
+
+@either
+def test_weights_that_are_not_finite_stay_so(kind):
+    ours, _ = both(kind, 100, 3, Descent(0.05, 0.1, 1000.0))
+    for t in range(DRAWS):
+        ours.sample()
+        gradients = draw(1, 1, 2, 100, seed=t)
+        gradients[..., 70] = torch.nan if t == 5 else 0.0
+        ours.step(gradients, PULL)
+    assert ours.sample()[..., 70].isnan().all()
+
+
+def test_memory_is_modest():
+    assert MANY < 1890
+    assert both(Blocked, 1890, 11, Descent(1e-6, 1e-4))[0]._memory.nbytes < 12e6
+
+
+@pytest.mark.parametrize(
+    ("d", "n_samples", "kl", "low_rank", "kind"),
+    [
+        (MANY - 1, MOST_SAMPLES, "full", False, Fused),
+        (MANY, MOST_SAMPLES, "full", False, Blocked),
+        (MANY, 2, "full", True, Fused),
+        (MANY, 2, "diagonal", True, Blocked),
+        (MANY, MOST_SAMPLES + 1, "full", False, Dense),
+    ],
+)
+def test_a_full_covariance_is_updated_by_the_kernel_that_suits_it(
+    monkeypatch, d, n_samples, kl, low_rank, kind
+):
+    start, stream = Start(torch.zeros(1, 1, d), 1.0), Stream("t", [0], "posterior")
+    precision = Precision(1.0, torch.zeros(1, d, 2) if low_rank else None)
+    arguments = start, precision, Descent(0.1, 1e-4, kl=kl), stream, n_samples
+    assert type(COVARIANCES["full"](*arguments)) is kind
+    monkeypatch.setattr(posteriors, "kernels", lambda: None)
+    assert type(COVARIANCES["full"](*arguments)) is Dense
