@@ -31,8 +31,23 @@
   if (mathjax) withHub(mathjax);
 })();
 
-/* Slider handles get a spoken name (the tooltip, else the label) and a spoken value (the readout). */
+/* Slider handles get a spoken name (the tooltip, else the label) and a spoken value (the readout).
+   Where they stand can be linked: #lambda=2&psi=1, by the first words of those names. */
 (function () {
+  const linked = new URLSearchParams(location.hash.includes("=") ? location.hash.slice(1) : "");
+  const known = new WeakSet();
+  const link = (slider, name) => {
+    const track = slider.querySelector(".noUi-target").noUiSlider;
+    if (known.has(track)) return;
+    known.add(track);
+    track.on("change", ([index]) => {
+      linked.set(name, index);
+      history.replaceState(null, "", `#${linked}`);
+    });
+    if (!linked.has(name)) return;
+    track.set(linked.get(name));
+    slider.scrollIntoView({ block: "center" });
+  };
   const plain = (text) => text.replace(/\\[()]|[\\$]/g, "").trim();
   const say = (handle, attribute, text) => {
     if (text && handle.getAttribute(attribute) !== text) handle.setAttribute(attribute, text);
@@ -44,6 +59,7 @@
     if (!handle || !label || !readout) return;
     const tooltip = label.title === "null" ? "" : label.title;
     const typeset = label.querySelector("mjx-assistive-mml");
+    if (tooltip) link(slider, tooltip.split(",")[0]);
     say(handle, "aria-label", plain(tooltip || (typeset ?? label).textContent));
     say(handle, "aria-valuetext", plain(readout.textContent));
   };

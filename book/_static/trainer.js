@@ -46,12 +46,6 @@
     return `${digit === "1.0" ? "" : `${digit} · `}10${raised}`;
   }
 
-  /* A round distance that leaves about five ticks. */
-  function tick(most) {
-    const unit = 10 ** Math.floor(Math.log10(most / 5));
-    return [1, 2, 5, 10].map((times) => times * unit).find((distance) => distance >= most / 5);
-  }
-
   /* The colour of a share between 0 and 1, from dark violet to light yellow in even steps. */
   const colour = (share) => `oklch(${0.3 + 0.6 * share} 0.13 ${295 - 190 * share})`;
 
@@ -66,12 +60,13 @@
   }
 
   if (typeof module !== "undefined") {
-    module.exports = { RANGES, chosen, clamp, colour, moved, scientific, tick, wallsOf };
+    module.exports = { RANGES, chosen, clamp, colour, moved, scientific, wallsOf };
     return;
   }
 
   const bytesOf = (text) => Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
   const grouped = (number) => Math.round(number).toLocaleString("en");
+  const measured = (y) => (Number.isNaN(y) ? "(no episode yet)" : y.toFixed(2));
   const points = (pairs) => pairs.map((pair) => pair.map((x) => x.toFixed(2)).join()).join(" ");
 
   function draw(parent, kind, attributes, text = "") {
@@ -142,7 +137,7 @@
         draw(axes, "line", { x1: left, x2: right, y1: this.down(y), y2: this.down(y) });
         draw(axes, "text", { x: left - 6, y: this.down(y) + 4, "text-anchor": "end" }, y.toFixed(1));
       }
-      for (let t = 0; t <= setup.iterations; t += tick(setup.iterations)) {
+      for (let t = 0; t <= setup.iterations; t += setup.iterations / 5) {
         const anchor = t === setup.iterations ? "end" : "middle";
         draw(axes, "text", { x: this.across(t), y: bottom + 15, "text-anchor": anchor }, grouped(t));
       }
@@ -152,8 +147,10 @@
       }
     }
 
+    /* A value that is not a number was not measured, and is not drawn. */
     trace(line, places, values) {
-      line.setAttribute("points", points(values.map((y, i) => [this.across(places[i]), this.down(y)])));
+      const drawn = values.map((y, i) => [this.across(places[i]), this.down(y)]);
+      line.setAttribute("points", points(drawn.filter(([, y]) => !Number.isNaN(y))));
     }
 
     mark(iteration) {
@@ -163,11 +160,11 @@
 
     show({ curves, learning, iteration }) {
       for (const name of Object.keys(LIVE)) {
-        const values = curves[name] ? [...curves[name], learning[name]] : [];
-        const places = values.map((_, i) => Math.min(i * this.setup.every, iteration));
+        const values = [...(curves[name] ?? []), learning[name]];
+        const places = values.map((_, i) => Math.min((i + 1) * this.setup.every, iteration));
         this.trace(this.svg.querySelector(`.${name}`), places, values);
       }
-      const said = Object.entries(learning).map(([name, y]) => `${LIVE[name]} ${y.toFixed(2)}`).join(", ");
+      const said = Object.entries(learning).map(([name, y]) => `${LIVE[name]} ${measured(y)}`).join(", ");
       this.svg.setAttribute("aria-label", `Learning return after ${grouped(iteration)} iterations: ${said}`);
     }
   }
@@ -283,18 +280,16 @@
     }
 
     sayWhere({ iteration, learning, arrival }) {
-      const end = iteration >= this.setup.iterations ? "Done" : "Paused", value = learning.transfer.toFixed(2);
+      const end = iteration >= this.setup.iterations ? "Done" : "Paused", value = measured(learning.transfer);
       const goal = arrival ? `the goal was first reached at ${grouped(arrival)}` : "the goal was not reached yet";
       this.say(iteration ? `${end} at ${grouped(iteration)}: learning return ${value}; ${goal}.` : "Ready.");
     }
 
     showNumbers({ iteration, speed, arrival, episodes, learning }) {
-      const facts = { iteration, episodes, arrival: arrival ? `at ${grouped(arrival)}` : "not yet", greedy: this.greedy, speed };
-      for (const [name, value] of Object.entries(facts)) {
-        const text = name === "greedy" ? value.toFixed(2) : typeof value === "number" ? grouped(value) : value;
-        this.find(`.facts .${name}`).textContent = text;
-      }
-      const own = Object.entries(learning).map(([name, y]) => ({ name, label: `${LIVE[name]} ${y.toFixed(2)}` }));
+      const texts = { arrival: arrival ? `at ${grouped(arrival)}` : "not yet", greedy: measured(this.greedy) };
+      for (const [name, number] of Object.entries({ iteration, episodes, speed })) texts[name] = grouped(number);
+      for (const [name, text] of Object.entries(texts)) this.find(`.facts .${name}`).textContent = text;
+      const own = Object.entries(learning).map(([name, y]) => ({ name, label: `${LIVE[name]} ${measured(y)}` }));
       this.find(".legend").replaceChildren(...[...own, ...this.setup.references].map((one) => {
         const entry = document.createElement("li");
         entry.className = one.name ?? "reference";

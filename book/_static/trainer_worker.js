@@ -91,6 +91,7 @@ class Run {
     this.path = [[0, 0]];
     this.last = [];
     this.steps = this.arrival = this.episodes = 0;
+    this.learning = NaN;  // mean return of the last episodes, once one has ended
     this.base = base;
     this.settings = { ...base };
     if (base.family) Object.assign(this.settings, { lambda_: chosen.lambda, psi: chosen.psi });
@@ -149,6 +150,7 @@ class Run {
     if (ended === 2) this.arrival ||= this.steps;
     if (!ended) return;
     this.episodes++;
+    this.learning = this.kernel.learning();
     this.last = this.path;
     this.path = [[0, 0]];
   }
@@ -208,7 +210,7 @@ class Training {
     this.runs = { transfer: run(chosen.family, given) };
     if (chosen.fine) this.runs.fine = run("fine", given);
     if (chosen.none) this.runs.none = run("NT", []);
-    this.curves = Object.fromEntries(Object.keys(this.runs).map((name) => [name, [0]]));
+    this.curves = Object.fromEntries(Object.keys(this.runs).map((name) => [name, []]));
     this.busy = this.done = 0;
   }
 
@@ -220,7 +222,7 @@ class Training {
     for (; done < count && transfer.steps < iterations && performance.now() - start < milliseconds; done++) {
       for (const [name, run] of Object.entries(this.runs)) {
         run.advance();
-        if (run.steps % every === 0) this.curves[name].push(run.kernel.learning());
+        if (run.steps % every === 0) this.curves[name].push(run.learning);
       }
     }
     this.busy += performance.now() - start;
@@ -252,7 +254,7 @@ class Training {
       running, iteration: transfer.steps, episodes: transfer.episodes, arrival: transfer.arrival,
       path: transfer.path, last: transfer.last, curves: this.curves,
       speed: this.busy ? (1000 * this.done) / this.busy : 0,
-      learning: Object.fromEntries(Object.entries(this.runs).map(([k, r]) => [k, r.kernel.learning()])),
+      learning: Object.fromEntries(Object.entries(this.runs).map(([k, r]) => [k, r.learning])),
       ...(look && { maps: transfer.maps(), greedy: transfer.kernel.greedy(10) }),
     });
   }

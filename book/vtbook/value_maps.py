@@ -98,4 +98,4 @@ def maps_picture(maps: Mapping[str, ValueMap], iteration: int) -> str:
             for label, one in maps.items()
         )
         alt = f"Values after {iteration} iterations. {words}."
-        return image_html(small_png(figure, 128), alt)
+        return image_html(small_png(figure, 256), alt)
