@@ -1,4 +1,4 @@
-"""Judge transfer as it comes on three kinds of tasks that the library does not know.
+"""Judge transfer as it comes on four kinds of tasks that the library does not know.
 
 ``python book/_ext/guide_runs.py`` computes what is missing under book/results/guide and stores it,
 one file for each task: it can be interrupted, and goes on where it was.
@@ -16,7 +16,7 @@ import numpy as np
 import torch
 from attrs import frozen
 
-from vtlib.baselines import FineTuning, MellowTDSettings
+from vtlib.baselines import DDQNSettings, FineTuning, MellowTDSettings
 from vtlib.experiments import store
 from vtlib.gym_runs import evaluate, solve, transfer
 from vtlib.qfunctions import MLP
@@ -77,6 +77,11 @@ def windy(wind: float) -> gym.Env:
     return gym.wrappers.TimeLimit(WindyGrid(wind), 50)
 
 
+def lander(gravity: float) -> gym.Env:
+    """Gymnasium's LunarLander under some gravity, 400 steps; only this needs the package box2d."""
+    return gym.make("LunarLander-v3", gravity=gravity, max_episode_steps=400)
+
+
 @frozen
 class Kind:
     """Tasks of one kind: those that are solved, those that are learned next, and how long."""
@@ -88,12 +93,19 @@ class Kind:
     within: float
     outside: float
     learning: int
+    solver: DDQNSettings | None = None  # mellow TD without
 
 
+LANDING = DDQNSettings(
+    epsilon_steps=25_000, minibatch=64, buffer=50_000, target_every=500, alpha=5e-4
+)
 KINDS = {
     "cartpole": Kind(cartpole, MLP((4, 32, 2)), (0.3, 0.4, 0.6, 0.7), 4000, 0.5, 0.08, 1000),
     "acrobot": Kind(acrobot, MLP((6, 32, 3)), (0.8, 0.9, 1.0, 1.1, 1.2), 10_000, 1.05, 1.5, 1000),
     "windy-grid": Kind(windy, MLP((2, 32, 4)), (0.0, 0.2, 0.4, 0.6, 0.8), 10_000, 0.5, -0.5, 1000),
+    "lunar-lander": Kind(
+        lander, MLP((8, 64, 4)), (-6.0, -8.0, -9.0, -11.0), 100_000, -10.0, -2.0, 1000, LANDING
+    ),
 }
 TUNING = MellowTDSettings(epsilon_steps=1, epsilon_start=0.02, minibatch=200)
 
@@ -103,9 +115,9 @@ def solved(name: str, folder: Path, seed: int) -> torch.Tensor:
     kind, path = KINDS[name], folder / f"{name}-sources"
     if not store.exists(path):
         began = time.perf_counter()
-        settings = MellowTDSettings(epsilon_steps=kind.solving // 2, minibatch=100)
+        half = MellowTDSettings(epsilon_steps=kind.solving // 2, minibatch=100)
         envs = [kind.make(x) for x in kind.sources]
-        weights = solve(envs, kind.q, kind.solving, settings, seed=seed).weights[:, 0]
+        weights = solve(envs, kind.q, kind.solving, kind.solver or half, seed=seed).weights[:, 0]
         own = evaluate(envs, kind.q, weights.unsqueeze(1), seed=seed).mean(1)
         arrays = {"weights": weights.numpy(), "own": own.numpy()}
         store.save(path, arrays, provenance(began, seed))

@@ -7,7 +7,13 @@ from typing import Any
 from attrs import evolve
 
 from vtbook.experiments.grids import sliders_of
-from vtbook.experiments.protocols import Protocols, as_published, fine_tuning, transfer
+from vtbook.experiments.protocols import (
+    Protocols,
+    as_published,
+    fine_tuning,
+    one_at_a_time,
+    transfer,
+)
 from vtbook.probes import StabilityProbe
 from vtlib.baselines import DDQNSettings, MellowTDSettings
 from vtlib.envs.cartpole import CartpoleFamily
@@ -71,6 +77,17 @@ BOTH_WAYS = {
     "1-MGVT, launch defaults": evolve(as_published(MGVT), **LAUNCH_DEFAULTS),
 }
 CARTPOLE_INGREDIENTS = evolve(CARTPOLE.published, name="cartpole-ingredients", algorithms=BOTH_WAYS)
+CARTPOLE_STEPS = evolve(
+    CARTPOLE.published,
+    name="cartpole-one-at-a-time",
+    algorithms=one_at_a_time(as_published(GVT), as_published(MGVT)),
+)
+# The mixtures' learner without any source: what their lead over DDQN owes to transfer.
+CARTPOLE_NOTHING = evolve(
+    CARTPOLE.published,
+    name="cartpole-no-transfer",
+    algorithms={"NT": MellowTDSettings(epsilon_steps=DDQN.epsilon_steps, minibatch=500)},
+)
 _TRANSFER = {"GVT": as_published(GVT), "1-MGVT": as_published(MGVT)}
 CARTPOLE_TEXT_SOURCES = evolve(
     CARTPOLE.published, name="cartpole-text-sources", pool=TEXT_CARTPOLES, algorithms=_TRANSFER
@@ -139,6 +156,8 @@ EXPERIMENTS = (
     *CARTPOLE,
     CARTPOLE_SLIDERS,
     CARTPOLE_INGREDIENTS,
+    CARTPOLE_STEPS,
+    CARTPOLE_NOTHING,
     CARTPOLE_TEXT_SOURCES,
     CARTPOLE_FEW_SOURCES,
     *CARTPOLE_OTHER_SOURCES.values(),

@@ -40,6 +40,18 @@ def as_published(settings: Settings) -> Settings:
     return evolve(settings, init="mean", responsibilities="equal", kl="diagonal")
 
 
+def one_at_a_time(gaussian: Settings, mixture: Settings) -> dict[str, Algorithm]:
+    """Published settings of GVT and 1-MGVT with one ingredient each as the equations have it."""
+    return {
+        "GVT, no clip": evolve(gaussian, kl_clip=None),
+        "GVT, from the prior": evolve(gaussian, init="sources"),
+        "GVT, covariance with n": evolve(gaussian, ddof=0),
+        "1-MGVT, from a source": evolve(mixture, init="sources"),
+        "1-MGVT, exact responsibilities": evolve(mixture, responsibilities="exact"),
+        "1-MGVT, full KL": evolve(mixture, kl="full"),
+    }
+
+
 def transfer(
     gaussian: Settings, mixture: Settings, counts: Sequence[int] = (3,)
 ) -> dict[str, Algorithm]:

@@ -14,12 +14,13 @@ from vtbook.experiments.protocols import (
     Protocols,
     as_published,
     fine_tuning,
+    one_at_a_time,
     transfer,
 )
 from vtbook.probes import CoverageProbe
 from vtlib.baselines import MellowTDSettings
 from vtlib.envs.rooms import RoomsFamily
-from vtlib.experiments.experiment import Experiment, Pool
+from vtlib.experiments.experiment import Algorithm, Experiment, Pool
 from vtlib.transfer import Settings
 
 ITERATIONS = 20_000
@@ -75,6 +76,48 @@ def _protocols(
 
 THREE_ROOMS = Pool("rooms-3-sources", RoomsFamily(rooms=3))
 ROOMS_EVALUATION = _protocols("rooms-evaluation", THREE_ROOMS, RoomsFamily(rooms=3), 3)
+
+# By the name of a page's experiment: its settings with one ingredient changed, and its frontier.
+INGREDIENTS: dict[str, Experiment] = {}
+FRONTIERS: dict[str, Experiment] = {}
+
+
+def stopping(experiment: Experiment) -> RoomsFamily:
+    """An experiment's rooms with the text's frontier, which stops agents."""
+    assert isinstance(experiment.family, RoomsFamily)
+    return evolve(experiment.family, stops=True)
+
+
+def _one_at_a_time(both: Protocols, **fields: Any) -> None:
+    """From the published settings to those of the equations, one ingredient at a time.
+
+    And with the lambda by which the other method's prior pulls as hard, lambda / sigma^2.
+    """
+    algorithms: dict[str, Algorithm] = {
+        **one_at_a_time(PUBLISHED_GVT, PUBLISHED_MGVT),
+        "GVT, lambda 1e-4": evolve(PUBLISHED_GVT, lambda_=GVT.lambda_),
+        "GVT, lambda 1e-5": evolve(PUBLISHED_GVT, lambda_=1e-5),
+        "1-MGVT, lambda 1e-4": evolve(PUBLISHED_MGVT, lambda_=1e-4),
+    }
+    published = {"GVT": PUBLISHED_GVT, "1-MGVT": PUBLISHED_MGVT}
+    counts, stopped = fields.pop("counts", {}), both.equations.pool
+    name = both.published.name
+    INGREDIENTS[name] = evolve(
+        both.published,
+        name=f"{name}-ingredients",
+        algorithms={**published, **algorithms},
+        counts=dict.fromkeys((*published, *algorithms), counts) if counts else {},
+        **fields,
+    )
+    FRONTIERS[name] = evolve(
+        INGREDIENTS[name],
+        name=f"{name}-frontier",
+        pool=stopped,
+        family=stopping(INGREDIENTS[name]),
+        algorithms=published,
+        counts=dict.fromkeys(published, counts) if counts else {},
+    )
+
 
 # Half as far as the figure: the thesis compares GVT and 1-MGVT at 5,000 iterations.
 INGREDIENT_ITERATIONS = 5_000
@@ -143,6 +186,7 @@ ROOMS_CHANGE = _protocols(
     RoomsFamily(rooms=3),
     3,
 )
+_one_at_a_time(ROOMS_CHANGE, iterations=INGREDIENT_ITERATIONS)
 TWO_ROOMS = Pool("rooms-2-sources", RoomsFamily(rooms=2))
 ROOMS_EXPLORATION = _protocols(
     "rooms-exploration",
@@ -153,6 +197,8 @@ ROOMS_EXPLORATION = _protocols(
     iterations=2_000,
     visits=True,
 )
+
+_one_at_a_time(ROOMS_EXPLORATION)
 
 LIKELIHOOD_DOORS = (5.0, 1.8)  # mean and standard deviation of the door, in section 6.1.4
 NORMAL = RoomsFamily(rooms=2, normal=LIKELIHOOD_DOORS)
@@ -168,6 +214,8 @@ ROOMS_LIKELIHOOD = _protocols(
 ROOMS_LIKELIHOOD = ROOMS_LIKELIHOOD._replace(
     published=evolve(ROOMS_LIKELIHOOD.published, family=RoomsFamily(rooms=2, ladder=19), runs=380)
 )
+# Five runs at each of the published doors.
+_one_at_a_time(ROOMS_LIKELIHOOD, runs=95, runs_per_task=5)
 
 SOURCE_COUNTS = tuple(range(2, 11))
 
@@ -177,7 +225,7 @@ def _by_count(experiment: Experiment, numbers: Sequence[int] = SOURCE_COUNTS) ->
     counted = {
         label: one
         for label, one in experiment.algorithms.items()
-        if one.transfers and label not in (FINE_TUNED, FINE_TUNED_GREEDY)
+        if one.transfers and label not in (FINE_TUNED, FINE_TUNED_GREEDY)  # of one source
     }
     return evolve(
         experiment,
@@ -190,6 +238,13 @@ _COUNTED = _protocols(
     "rooms-number-of-sources", TWO_ROOMS, RoomsFamily(rooms=2), 2, iterations=1_950, every=50
 )
 ROOMS_SOURCES = Protocols(*map(_by_count, _COUNTED))
+_one_at_a_time(_COUNTED, counts=2)
+# Learners that know of one source, or of none.
+ROOMS_SOURCES_ALONE = evolve(
+    _COUNTED.published,
+    name="rooms-number-of-sources-alone",
+    algorithms={x: _COUNTED.published.algorithms[x] for x in ("NT", FINE_TUNED, FINE_TUNED_GREEDY)},
+)
 
 # The published lambda of mixtures and that of GVT, the text's between them, and one on each side.
 ROOMS_LAMBDAS = (1e-8, 1e-6, 1e-4, 1e-3, 1e-2)
@@ -223,6 +278,7 @@ ROOMS_CALIBRATION = evolve(
         "1-MGVT": PUBLISHED_MGVT,
         "GVT, equations": GVT,
         "1-MGVT, equations": MGVT,
+        "3-MGVT, equations": evolve(MGVT, components=3),
     },
     iterations=10_000,
     every=500,
@@ -240,6 +296,9 @@ EXPERIMENTS = (
     ROOMS_DEVIATIONS,
     ROOMS_FRONTIER,
     ROOMS_CORNER,
+    *INGREDIENTS.values(),
+    *FRONTIERS.values(),
+    ROOMS_SOURCES_ALONE,
     ROOMS_CALIBRATION,
     ROOMS_EVALUATION_SLIDERS,
     ROOMS_CHANGE_SLIDERS,
