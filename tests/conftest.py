@@ -42,6 +42,7 @@ CELL = re.compile(r"```\{code-cell\} python3\n(?:---\n(.*?)\n---\n)?(.*?)```", r
 _build: list[subprocess.Popen] = []
 
 
+@pytest.hookimpl(tryfirst=True)  # groups are read by what comes after
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Tests that ask for the book come last; a file's tests share a process, and its fixtures."""
     wanted = [x for x in items if "build_faults" in getattr(x, "fixturenames", ())]
