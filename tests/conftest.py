@@ -34,7 +34,7 @@ BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stab
 FOREIGN = re.compile(r"^(?!file:|data:|blob:|http://127\.0\.0\.1[:/])")
 # Set to a folder of built pages to test those instead of building the book.
 BUILT = "VTLIB_BOOK_HTML"
-BOOK = "of the book"  # in the groups of tests that wait for it
+FIRST = "gw0"  # of the processes that share the tests; it starts the build
 LOG, STATUS = (ROOT / "_build" / f"test-build.{x}" for x in ("log", "status"))
 BUILD_LIMIT = 1800  # seconds
 CELL = re.compile(r"```\{code-cell\} python3\n(?:---\n(.*?)\n---\n)?(.*?)```", re.DOTALL)
@@ -47,19 +47,12 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     """Tests that ask for the book come last; a file's tests share a process, and its fixtures."""
     wanted = [x for x in items if "build_faults" in getattr(x, "fixturenames", ())]
     items.sort(key=wanted.__contains__)
-    if hasattr(config, "workerinput"):
-        for item in items:
-            file = item.nodeid.partition("::")[0]
-            group = f"{file} {BOOK}" if item in wanted else file
-            item.add_marker(pytest.mark.xdist_group(group))
-    elif wanted and not config.option.collectonly:
-        start_build()
-
-
-@pytest.hookimpl(optionalhook=True)
-def pytest_xdist_node_collection_finished(ids: list[str]) -> None:
-    """The same in the process that hands the tests out to others."""
-    if any(one.endswith(f" {BOOK}") for one in ids):
+    for item in items if hasattr(config, "workerinput") else ():
+        file = item.nodeid.partition("::")[0]
+        group = f"{file}, of the book" if item in wanted else file
+        item.add_marker(pytest.mark.xdist_group(group))
+    first = os.environ.get("PYTEST_XDIST_WORKER", FIRST) == FIRST
+    if wanted and first and not config.option.collectonly:
         start_build()
 
 
@@ -77,9 +70,9 @@ def start_build() -> None:
         _build.append(subprocess.Popen(shell, cwd=ROOT, stdout=out, stderr=out, process_group=0))
 
 
-def pytest_sessionfinish() -> None:
+def pytest_sessionfinish(exitstatus: int) -> None:
     """Leave no build behind when the tests stop early."""
-    for process in _build:
+    for process in _build if exitstatus == pytest.ExitCode.INTERRUPTED else ():
         with contextlib.suppress(ProcessLookupError):
             os.killpg(process.pid, signal.SIGTERM)
         process.wait()
