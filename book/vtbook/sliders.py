@@ -110,7 +110,7 @@ def setting_picture(
     title = f"λ = {power_of_ten(lambda_)}, ψ = {psi:g}, {posterior}"
     with look():
         figure = returns_figure({**runs, posterior: stored}, limits, LEARNING, title, NARROW)
-        return image_html(small_png(figure), f"{alt}final learning return {end:.2f}.")
+        return image_html(small_png(figure, 32), f"{alt}final learning return {end:.2f}.")
 
 
 def first_runs(runs: Dataset, other: Dataset) -> Dataset:
