@@ -72,10 +72,12 @@ def start_build() -> None:
 
 def pytest_sessionfinish(exitstatus: int) -> None:
     """Leave no build behind when the tests stop early."""
-    for process in _build if exitstatus == pytest.ExitCode.INTERRUPTED else ():
-        with contextlib.suppress(ProcessLookupError):
-            os.killpg(process.pid, signal.SIGTERM)
-        process.wait()
+    for process in _build:
+        if exitstatus == pytest.ExitCode.INTERRUPTED:
+            with contextlib.suppress(ProcessLookupError):
+                os.killpg(process.pid, signal.SIGTERM)
+            process.wait()
+        process.poll()
 
 
 @pytest.fixture(scope="session")
