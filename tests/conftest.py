@@ -16,6 +16,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
 from typing import Any
@@ -190,17 +191,29 @@ def browser() -> Iterator[Any]:
         chromium.close()
 
 
+@pytest.fixture(scope="session")
+def watched(browser: Any) -> Callable[[], AbstractContextManager[Any]]:
+    """Open a page; ``page.foreign`` are its requests off this machine, ``page.faults`` errors."""
+
+    @contextlib.contextmanager
+    def opened() -> Iterator[Any]:
+        page = browser.new_page(viewport={"width": 1280, "height": 900})
+        page.foreign, page.faults = [], []
+
+        def refuse(route: Any) -> None:
+            page.foreign.append(route.request.url)
+            route.abort()
+
+        page.context.route(FOREIGN, refuse)
+        page.on("pageerror", lambda error: page.faults.append(str(error)))
+        yield page
+        page.close()
+
+    return opened
+
+
 @pytest.fixture
-def page(browser: Any) -> Iterator[Any]:
-    """A fresh page: ``page.foreign`` lists requests off this machine, ``page.faults`` errors."""
-    page = browser.new_page(viewport={"width": 1280, "height": 900})
-    page.foreign, page.faults = [], []
-
-    def refuse(route: Any) -> None:
-        page.foreign.append(route.request.url)
-        route.abort()
-
-    page.context.route(FOREIGN, refuse)
-    page.on("pageerror", lambda error: page.faults.append(str(error)))
-    yield page
-    page.close()
+def page(watched: Callable[[], AbstractContextManager[Any]]) -> Iterator[Any]:
+    """A fresh page for one test."""
+    with watched() as page:
+        yield page

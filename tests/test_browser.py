@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import importlib.resources
+import itertools
 import re
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -13,10 +15,35 @@ from vtbook.experiments.cartpole import CARTPOLE
 from vtbook.experiments.grids import POSTERIORS, PSIS, slider_lambdas
 from vtbook.experiments.maze import MAIN, MAZE_LAMBDAS, MAZE_POSTERIORS, MAZE_PSIS, MAZE_TARGETS
 from vtbook.experiments.mountain_car import CAR, CAR_LAMBDAS
+from vtbook.experiments.protocols import transfer_settings
 from vtbook.experiments.rooms import ROOMS_EXPLORATION, ROOMS_LAMBDAS
 
 SOURCES = Path(__file__).resolve().parents[1] / "book"
-each_page = pytest.mark.parametrize("name", sorted(path.stem for path in SOURCES.glob("*.md")))
+
+
+@pytest.fixture(scope="module")
+def vendored(book: Path) -> None:
+    """Skip what needs the browser scripts where the build could not fetch them and has said so."""
+    if not (book / "_static" / "vendor" / "fetched").exists():
+        pytest.skip("browser scripts could not be fetched: pages load them from public servers")
+
+
+@pytest.fixture(scope="module", params=sorted(path.stem for path in SOURCES.glob("*.md")))
+def name(request: pytest.FixtureRequest) -> str:
+    """Each page of the book in turn."""
+    return request.param
+
+
+@pytest.fixture(scope="module")
+def opened(vendored, book: Path, watched, name: str) -> Iterator[Any]:
+    """That page, opened once from disk for all that is asked of it, and typeset."""
+    with watched() as page:
+        page.goto(f"{book.as_uri()}/book/{name}.html", wait_until="load")
+        page.wait_for_function(
+            "[...document.querySelectorAll('span.math, div.math')]"
+            ".every(each => each.querySelector('mjx-container'))"
+        )
+        yield page
 
 
 @pytest.fixture
@@ -32,55 +59,42 @@ def visits(book: Path, address: str, page) -> Callable[[str], Iterator[str]]:
     return visited
 
 
-@pytest.fixture(scope="module")
-def vendored(book: Path) -> None:
-    """Skip what needs the browser scripts where the build could not fetch them and has said so."""
-    if not (book / "_static" / "vendor" / "fetched").exists():
-        pytest.skip("browser scripts could not be fetched: pages load them from public servers")
-
-
 def handles_of(page) -> list:
     """The sliders of a page, once they are there and have their names."""
     page.wait_for_selector(".widget-slider .noUi-handle[aria-label]", state="attached")
     return page.locator(".widget-slider .noUi-handle").all()
 
 
+THEME = "theme => { document.documentElement.dataset.theme = theme }"
 ANOTHER_PICTURE = """([panel, shown]) => {
   const seen = [...panel.querySelectorAll('img')].filter(one => one.offsetParent);
   return seen.length === 1 && !shown.includes(seen[0].alt) && seen[0].alt;
 }"""
 
 
-@pytest.mark.usefixtures("vendored")
-@each_page
-def test_a_page_asks_no_third_party_is_typeset_and_its_figures_move(visits, page, name) -> None:
+def test_a_page_asks_no_third_party_is_typeset_and_its_figures_move(opened, name: str) -> None:
     source = (SOURCES / f"{name}.md").read_text(encoding="utf-8")
     movable = len(re.findall(r"^(?:widgets\.)?(?:still|setting)_sliders\(", source, re.MULTILINE))
-    for url in visits(name):
-        page.wait_for_function(
-            "[...document.querySelectorAll('span.math, div.math')]"
-            ".every(each => each.querySelector('mjx-container'))"
-        )
-        assert page.locator("mjx-merror").count() == 0, url
-        if movable:
-            handles_of(page)
-        panels = page.locator(".widget-subarea:has(.noUi-handle)").all()
-        assert len(panels) == movable, url
-        for panel in panels:
-            for handle in panel.locator(".noUi-handle").all():
-                assert handle.get_attribute("aria-label") not in (None, "", "null"), url
-                shown, told = [], set()
-                # a slider of the mazes has two values
-                for key in ("Home", "End", "ArrowLeft")[: 2 if name == "mazes" else 3]:
-                    handle.press(key)
-                    found = page.wait_for_function(
-                        ANOTHER_PICTURE, arg=[panel.element_handle(), shown]
-                    )
-                    shown.append(found.json_value())
-                    told.add(handle.get_attribute("aria-valuetext"))
-                assert len(told) == len(shown), url
-        assert not page.foreign, f"{url} asks {page.foreign}"
-        assert not page.faults, f"{url}: {page.faults}"
+    assert opened.locator("mjx-merror").count() == 0
+    if movable:
+        handles_of(opened)
+    panels = opened.locator(".widget-subarea:has(.noUi-handle)").all()
+    assert len(panels) == movable
+    for panel in panels:
+        for handle in panel.locator(".noUi-handle").all():
+            assert handle.get_attribute("aria-label") not in (None, "", "null")
+            shown, told = [], set()
+            # a slider of the mazes has two values
+            for key in ("Home", "End", "ArrowLeft")[: 2 if name == "mazes" else 3]:
+                handle.press(key)
+                found = opened.wait_for_function(
+                    ANOTHER_PICTURE, arg=[panel.element_handle(), shown]
+                )
+                shown.append(found.json_value())
+                told.add(handle.get_attribute("aria-valuetext"))
+            assert len(told) == len(shown)
+    assert not opened.foreign
+    assert not opened.faults
 
 
 # A word of the text that stands in no heading, and the page that has it.
@@ -140,22 +154,20 @@ HIDDEN = """() => {
 }"""
 
 
-@each_page
-def test_nothing_is_wider_than_the_page(address: str, page, name: str) -> None:
-    page.set_viewport_size({"width": 390, "height": 844})
-    page.goto(f"{address}/book/{name}.html", wait_until="load")
-    for width in (390, 768, 1280):
-        page.set_viewport_size({"width": width, "height": 844})
-        page.wait_for_timeout(300)
-        excess = page.evaluate("document.scrollingElement.scrollWidth - innerWidth")
-        assert excess <= 0, f"{excess} px wider than a screen of {width} px"
-        assert page.evaluate(HIDDEN) == [], f"hidden on a screen of {width} px"
+def test_nothing_is_wider_than_the_page(opened) -> None:
+    for theme, width in itertools.product(("light", "dark"), (1280, 768, 390)):
+        opened.evaluate(THEME, theme)
+        opened.set_viewport_size({"width": width, "height": 844})
+        opened.wait_for_timeout(100)
+        excess = opened.evaluate("document.scrollingElement.scrollWidth - innerWidth")
+        assert excess <= 0, f"{excess} px wider than a {theme} screen of {width} px"
+        assert opened.evaluate(HIDDEN) == [], f"hidden on a {theme} screen of {width} px"
 
 
 # Of each environment a page: its experiment, the values of lambda, and the first and the last
 # iterations of a slider over them, on a panel of its own.
 SETTINGS = {
-    "cartpole": (CARTPOLE, slider_lambdas(CARTPOLE.published.transfer_settings("1-MGVT")), ()),
+    "cartpole": (CARTPOLE, slider_lambdas(transfer_settings(CARTPOLE.published, "1-MGVT")), ()),
     "mountain_car": (CAR, CAR_LAMBDAS, (0, 200, 500, 5000)),
     "mazes": (MAZE_TARGETS[MAIN], MAZE_LAMBDAS, (0, 500, 1000, 4000)),
     "rooms_exploration": (ROOMS_EXPLORATION, ROOMS_LAMBDAS, (0, 50, 100, 2000)),
@@ -177,7 +189,7 @@ def test_each_slider_shows_the_picture_of_its_setting(visits, page, name: str) -
     psis, posteriors = (MAZE_PSIS, MAZE_POSTERIORS) if name == "mazes" else (PSIS, POSTERIORS)
     values = [[f"lambda = {x:.0e}," for x in lambdas], [f"psi = {x:g}," for x in psis]]
     values.append([f" {x};" for x in posteriors])
-    base, panels = experiment.published.transfer_settings("1-MGVT"), 1 + bool(moments)
+    base, panels = transfer_settings(experiment.published, "1-MGVT"), 1 + bool(moments)
     for _ in visits(name):
         *above, first, second, third = handles_of(page)
         assert len(above) == panels - 1
@@ -194,7 +206,7 @@ def test_each_slider_shows_the_picture_of_its_setting(visits, page, name: str) -
 
 
 def test_a_state_of_the_sliders_can_be_linked(visits, page) -> None:
-    base = ROOMS_EXPLORATION.published.transfer_settings("1-MGVT")
+    base = transfer_settings(ROOMS_EXPLORATION.published, "1-MGVT")
     for url in visits("rooms_exploration"):
         *_, power, psi, _ = handles_of(page)
         assert "#" not in page.url
@@ -259,13 +271,10 @@ FADED = """
 """
 
 
-@pytest.mark.usefixtures("vendored")
-@each_page
-def test_no_serious_barrier_to_reading(address: str, page, name: str) -> None:
-    page.goto(f"{address}/book/{name}.html", wait_until="load")
-    page.evaluate("window.MathJax?.startup?.promise?.then(() => null)")
-    page.evaluate(AXE.read_text(encoding="utf-8"))
+def test_no_serious_barrier_to_reading(opened) -> None:
+    opened.set_viewport_size({"width": 1280, "height": 900})
+    opened.evaluate(AXE.read_text(encoding="utf-8"))
     for theme, only in (("light", {}), ("dark", {"runOnly": ["color-contrast"]})):
-        page.evaluate("theme => document.documentElement.dataset.theme = theme", theme)
-        page.evaluate(FADED)
-        assert page.evaluate(FINDINGS, only) == [], theme
+        opened.evaluate(THEME, theme)
+        opened.evaluate(FADED)
+        assert opened.evaluate(FINDINGS, only) == [], theme

@@ -62,8 +62,9 @@ def _parser() -> argparse.ArgumentParser:
     told = "where to compute it: _build/reproduced, or _build/reproduced-N with --runs N"
     again.add_argument("--fresh", type=Path, help=told)
     speed = commands.add_parser("bench", help="milliseconds per run and iteration on one core")
-    for command, work in ((run, _run), (verify, _verify), (again, _reproduce), (speed, _bench)):
+    for command, work in ((run, _run), (verify, _verify), (again, _reproduce)):
         command.set_defaults(command=work)
+    speed.set_defaults(command=lambda _: bench.main())
     for command in (run, verify, again):
         command.add_argument("--results", type=Path, default=store.results_folder())
     for command in (run, again):
@@ -148,10 +149,6 @@ def _told(found: Whole) -> str:
 def _told_of_heads(found: Whole) -> str:
     said = f"differs in {sorted(found.wrong)}" if found.wrong else "heads verified"
     return said + (f", {list(found.parted)} until rounding parted them" if found.parted else "")
-
-
-def _bench(_: argparse.Namespace) -> int:
-    return bench.main()
 
 
 def _reproduce(options: argparse.Namespace) -> int:

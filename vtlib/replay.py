@@ -62,17 +62,7 @@ class ReplayBuffer:
         if not size:
             raise ValueError("cannot sample from an empty replay buffer")
         index = (uniforms * size).long().clamp_(max=size - 1)
-        return self._unpack(
-            self._rows.gather(1, index.unsqueeze(-1).expand(-1, -1, self._rows.shape[2]))
-        )
-
-    def last(self, count: int) -> Transition:
-        """The last so many transitions (R, B), or all where there are fewer, in any order."""
-        count = min(count, len(self))
-        index = torch.arange(self._added - count, self._added) % self._capacity
-        return self._unpack(self._rows[:, index])
-
-    def _unpack(self, rows: Tensor) -> Transition:
+        rows = self._rows.gather(1, index.unsqueeze(-1).expand(-1, -1, self._rows.shape[2]))
         o = self._obs_dim
         action, reward, terminal = rows[..., 2 * o :].unbind(-1)
         return Transition(rows[..., :o], action.long(), reward, rows[..., o : 2 * o], terminal > 0)

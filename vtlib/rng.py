@@ -70,17 +70,14 @@ class Rng:
     def __init__(self, experiment: str, runs: Sequence[int]) -> None:
         self._experiment, self._runs = experiment, list(runs)
 
-    def __len__(self) -> int:
-        return len(self._runs)
-
     def stream(self, role: str) -> Stream:
         """The stream of a role, from its beginning."""
         return Stream(self._experiment, self._runs, role)
 
     def check_rows(self, rows: int) -> None:
         """Raise ValueError unless there is one row of weights for each run."""
-        if rows != len(self):
-            raise ValueError(f"there must be weights for each of {len(self)} runs, got {rows}")
+        if rows != (runs := len(self._runs)):
+            raise ValueError(f"there must be weights for each of {runs} runs, got {rows}")
 
 
 def _fill(rng: np.random.Generator, kind: str, numbers: np.ndarray) -> None:

@@ -3,9 +3,9 @@
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 from numpy import ndarray
 from numpy.random import Generator
-from scipy import stats
 
 
 class Interval(NamedTuple):
@@ -25,18 +25,14 @@ def mean_interval(values: ndarray) -> Interval:
     values: (R, ...) with R >= 2; raises ValueError with fewer runs or values that are not finite.
     """
     (values,) = checked_runs(values)
-    return student_interval(values.mean(0), stats.sem(values), len(values) - 1)
+    centre = values.mean(0)
+    half = scipy.stats.t.ppf(0.975, len(values) - 1) * scipy.stats.sem(values)
+    return Interval(centre, centre - half, centre + half)
 
 
 def difference_interval(a: ndarray, b: ndarray) -> Interval:
     """Mean of the paired differences a - b over runs (axis 0) with its 95 % interval."""
     return mean_interval(np.subtract(*checked_runs(a, b)))
-
-
-def student_interval(centre: ndarray | float, error: ndarray | float, freedom: int) -> Interval:
-    """A centre with its 95 % interval by Student's law, from its standard error."""
-    half = stats.t.ppf(0.975, freedom) * error
-    return Interval(centre, centre - half, centre + half)
 
 
 def same_distribution_p(a: ndarray, b: ndarray, rng: Generator, draws: int = 10_000) -> float:
@@ -46,7 +42,7 @@ def same_distribution_p(a: ndarray, b: ndarray, rng: Generator, draws: int = 10_
     comes from exchanging the two runs of random pairs (in all ways, where those are fewer than the
     draws), so runs of equal seeds may depend on each other. Source: Good (2005).
     """
-    found = stats.permutation_test(
+    found = scipy.stats.permutation_test(
         checked_runs(a, b),
         _distance,
         permutation_type="samples",

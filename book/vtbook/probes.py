@@ -10,6 +10,7 @@ import torch
 from torch import Tensor
 
 from vtbook.coverage import inside, posterior_samples, values_at
+from vtbook.experiments.protocols import transfer_settings
 from vtlib.envs.base import Tasks
 from vtlib.envs.rooms.plan import plan_rooms
 from vtlib.envs.rooms.tasks import SIDE, Rooms
@@ -31,7 +32,7 @@ class Probe(ABC):
         self, experiment: Experiment, label: str, runs: Sequence[int], tasks: Tasks
     ) -> None:
         rng = Rng(experiment.stream, runs)
-        self._q, self._settings = experiment.family.q(), experiment.transfer_settings(label)
+        self._q, self._settings = experiment.family.q(), transfer_settings(experiment, label)
         self._count, self._places = experiment.probes, rng.stream("probes")
         self._noise = rng.stream("probe samples")
         self._noted: list[dict[str, Tensor]] = []

@@ -15,7 +15,6 @@ from vtlib.envs.base import TaskFamily, Tasks
 from vtlib.qfunctions import QFunction
 from vtlib.rng import Rng
 from vtlib.training import Agent
-from vtlib.transfer import Settings
 
 ITERATIONS = 10_000
 # The labels under which a pool's solved sources and an experiment's targets are stored.
@@ -159,17 +158,6 @@ class Experiment:
     def eligible(self) -> list[int]:
         """Indices of the pool's sources that a run may draw."""
         return [i for i in range(self.pool.count) if i not in self.excluded]
-
-    def task_of(self, run: int) -> int:
-        """Number of the target task of a run."""
-        return run // self.runs_per_task
-
-    def transfer_settings(self, label: str) -> Settings:
-        """The settings of an algorithm that transfers; ValueError when it is another one."""
-        settings = self.algorithms[label]
-        check_kind(f"algorithms[{label!r}]", settings, Settings)
-        assert isinstance(settings, Settings)
-        return settings
 
     def sources_of(self, label: str) -> int:
         """How many of a run's sources an algorithm uses."""

@@ -5,8 +5,7 @@ experiment, the label of an algorithm, which runs, and the weights of the pool, 
 arrays that are stored.
 """
 
-from collections.abc import Callable, Iterator, Sequence
-from itertools import islice
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import torch
@@ -20,7 +19,7 @@ from vtlib.experiments.experiment import Experiment
 from vtlib.experiments.sources import check_pool_weights
 from vtlib.native.runs import NativeRun, supports, train_natively
 from vtlib.rng import Rng, generator
-from vtlib.training import FINGERPRINTS, Agent, iterate, train
+from vtlib.training import FINGERPRINTS, Agent, train
 
 EVALUATION_EPISODES = 10
 
@@ -33,18 +32,12 @@ class Batch:
     episodes: Episodes
     evaluate: Evaluation
 
-    def moments(self, at: Sequence[int]) -> Iterator[int]:
-        """Each of some iterations, once the runs have come to it; 0 is before the first."""
-        if 0 in at:
-            yield 0
-        for t in islice(iterate(self.agent, self.episodes), max(at)):
-            if t in at:
-                yield t
-
 
 def targets(experiment: Experiment, runs: Sequence[int]) -> Tasks:
     """The target task of each run."""
-    return experiment.family.draw_tasks(experiment.stream, [experiment.task_of(r) for r in runs])
+    return experiment.family.draw_tasks(
+        experiment.stream, [run // experiment.runs_per_task for run in runs]
+    )
 
 
 def chosen_sources(experiment: Experiment, runs: Sequence[int]) -> np.ndarray:
@@ -81,19 +74,6 @@ def _evaluation(experiment: Experiment, runs: Sequence[int]) -> Evaluation:
     q, rng = experiment.family.q(), Rng(experiment.stream, runs)
     over = "each" if experiment.each else "mean"
     return Evaluation(q, targets(experiment, runs), rng, EVALUATION_EPISODES, over)
-
-
-def zero_shot(experiment: Experiment, weights: np.ndarray, episodes: int = 200) -> np.ndarray:
-    """What each run's sources earn without learning (R,), by the best of them at each step.
-
-    weights (count, d) are those of the pool's sources. Source: Barreto et al. (2017), generalised
-    policy improvement.
-    """
-    runs, family = range(experiment.runs), experiment.family
-    check_pool_weights(experiment.pool, weights)
-    rng = Rng(f"{experiment.stream} zero-shot", runs)
-    evaluate = Evaluation(family.q(), targets(experiment, runs), rng, episodes, "max")
-    return evaluate(torch.from_numpy(weights[chosen_sources(experiment, runs)])).numpy()
 
 
 def _given(experiment: Experiment, label: str, runs: Sequence[int], weights: np.ndarray) -> Tensor:

@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 
 from attrs import evolve
 
+from vtbook.experiments.protocols import transfer_settings
 from vtlib.checks import check_one_of, check_positive
 from vtlib.experiments.experiment import Experiment
 from vtlib.transfer import Settings
@@ -47,7 +48,7 @@ def slider_thesis(experiment: Experiment) -> dict[str, Settings]:
     """The thesis' settings around which sliders move; ValueError when an experiment lacks one."""
     for label in ("GVT", "1-MGVT"):
         check_one_of("the sliders' algorithm", label, experiment.algorithms)
-    return {label: experiment.transfer_settings(label) for label in ("GVT", "1-MGVT")}
+    return {label: transfer_settings(experiment, label) for label in ("GVT", "1-MGVT")}
 
 
 def sliders_of(

@@ -13,6 +13,7 @@ from typing import NamedTuple
 from attrs import evolve
 
 from vtlib.baselines import DDQNSettings, FineTuning, MellowTDSettings
+from vtlib.checks import check_kind
 from vtlib.experiments.experiment import Algorithm, Experiment
 from vtlib.transfer import Settings
 
@@ -26,6 +27,14 @@ class Protocols(NamedTuple):
 
     published: Experiment
     equations: Experiment
+
+
+def transfer_settings(experiment: Experiment, label: str) -> Settings:
+    """The settings of an algorithm that transfers; ValueError when it is another one."""
+    settings = experiment.algorithms[label]
+    check_kind(f"algorithms[{label!r}]", settings, Settings)
+    assert isinstance(settings, Settings)
+    return settings
 
 
 def as_published(settings: Settings) -> Settings:

@@ -90,7 +90,9 @@ class Regression(Learner):
     def posterior(self) -> tuple[Tensor, Tensor]:
         """A (R, p, p) and b (R, p), in doubles, of the last weights' posterior N(A^-1 b, A^-1)."""
         s, q = self._settings, self._q
-        batch = self._buffer.last(s.recent)
+        size = len(self._buffer)
+        last = torch.arange(self._steps - min(s.recent, size), self._steps) % s.buffer
+        batch = self._buffer.sample(((last + 0.5) / size).expand(len(self.mu), -1))
         phi = q.features(self.mu, q.prepare(batch.obs))
         following = q.q(self._sample, q.prepare(batch.next_obs))[:, 0].amax(1)
         target = batch.reward + s.gamma * following * ~batch.terminated

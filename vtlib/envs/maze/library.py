@@ -5,8 +5,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
+import scipy
 from attrs import frozen
-from scipy.ndimage import label
 
 from vtlib.checks import check_kind, check_one_of, one_line
 from vtlib.envs.maze.geometry import SIDE
@@ -94,7 +94,7 @@ def _faults(rows: list[str], cells: np.ndarray) -> Iterator[str]:
         yield f"the goal, in row {SIDE - y}, column {x + 1}, is not in a corner"
     if free.sum() == 1:
         yield "there is no free cell to start from"
-    part, _ = label(free)  # of cells that are connected through their sides
+    part, _ = scipy.ndimage.label(free)  # of cells that are connected through their sides
     if (cut_off := np.argwhere(free & (part != part[x, y]))).size:
         x, y = max(cut_off.tolist(), key=lambda cell: (cell[1], -cell[0]))
         yield f"no way leads to the goal from row {SIDE - y}, column {x + 1}"
