@@ -1,7 +1,5 @@
 """The check of the pages' language finds faults in prose, and reads no code."""
 
-from __future__ import annotations
-
 import pytest
 
 pytest.importorskip("proselint")

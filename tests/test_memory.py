@@ -1,7 +1,5 @@
 """How much memory the posteriors over large networks take."""
 
-from __future__ import annotations
-
 import gc
 import json
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The notebooks that the pages offer: valid, the same each time, and in need of vtlib alone."""
 
-from __future__ import annotations
-
 import ast
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """Divergences of Gaussians and mixtures, their gradients, and the priors made of sources."""
 
-from __future__ import annotations
-
 import itertools
 import math
 

@@ -1,7 +1,5 @@
 """Numbers of configurations that pages type out, in captions and in words, are those that ran."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

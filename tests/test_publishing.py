@@ -1,7 +1,5 @@
 """What publishes the book: the PDF, the citation, and the book run elsewhere."""
 
-from __future__ import annotations
-
 import importlib.metadata
 import json
 import os

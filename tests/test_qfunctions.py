@@ -1,7 +1,5 @@
 """Q-functions over flat weights: values against naive formulas, gradients against autograd."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import pytest

@@ -1,7 +1,5 @@
 """Ring buffers of transitions: what is kept, what is overwritten, and how it is sampled."""
 
-from __future__ import annotations
-
 import pytest
 import torch
 

@@ -1,7 +1,5 @@
 """Random streams: reproducible, independent of the batch, and distributed as they should be."""
 
-from __future__ import annotations
-
 import itertools
 
 import numpy as np

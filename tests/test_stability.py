@@ -1,7 +1,5 @@
 """Stability of the descent on L: the bound by its recursion, the eigenvalue by a matrix."""
 
-from __future__ import annotations
-
 import math
 from types import SimpleNamespace
 

@@ -1,7 +1,5 @@
 """What others can put in without touching the library, each as a script outside the package."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """The loop: what it records and when, and when it ends."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import torch

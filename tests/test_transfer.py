@@ -1,7 +1,5 @@
 """Variational transfer: where it converges, when it learns and how it acts."""
 
-from __future__ import annotations
-
 from functools import partial
 from types import SimpleNamespace
 from typing import Any

@@ -1,7 +1,5 @@
 """What a small experiment comes to, which may be changed, and a cluster in this process."""
 
-from __future__ import annotations
-
 import shutil
 from collections.abc import Callable, Iterator
 from functools import partial

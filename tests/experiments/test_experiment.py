@@ -1,7 +1,5 @@
 """Configurations: what is refused, by the name of its field, and what follows from the fields."""
 
-from __future__ import annotations
-
 import math
 
 import attrs
@@ -10,7 +8,6 @@ from attrs import evolve
 
 from vtbook.experiments.grids import slider_lambdas, slider_name, sliders_of
 from vtlib.baselines import LearnerSettings, MellowTDSettings
-from vtlib.envs.cartpole import CartpoleFamily
 from vtlib.envs.maze import MazeFamily
 from vtlib.envs.rooms import RoomsFamily
 from vtlib.experiments.experiment import Experiment, Pool
@@ -55,8 +52,6 @@ EXPERIMENT = {
     "probe": [print],  # without places to look at
     "each": NO_BOOL,
 }
-
-
 TABLES = ((Pool, POOL), (Experiment, EXPERIMENT))
 
 
@@ -97,21 +92,6 @@ def test_an_algorithm_must_be_of_an_attrs_class(tiny):
 
     with pytest.raises(ValueError, match="settings must be of an attrs class"):
         evolve(tiny.pool, settings=Loose())
-
-
-def test_a_stream_is_the_name_unless_it_is_told():
-    pool = Pool("a", CartpoleFamily())
-    assert pool.stream == "a"
-    # what is derived from another pool shares its tasks and its random numbers
-    assert evolve(pool, name="b").stream == "a"
-    assert Pool("b", CartpoleFamily(), stream="c").stream == "c"
-
-
-def test_runs_share_tasks_and_use_all_eligible_sources_unless_told_otherwise(tiny):
-    few = evolve(tiny, runs=6, runs_per_task=3, excluded=(1,), counts={"GVT": 1})
-    assert [few.task_of(run) for run in range(6)] == [0, 0, 0, 1, 1, 1]
-    assert few.eligible == [0, 2]
-    assert [few.sources_of(label) for label in few.algorithms] == [2, 2, 1, 2]
 
 
 def test_sliders_are_a_grid_around_the_thesis_setting(tiny):

@@ -1,7 +1,5 @@
 """Experiments computed from nothing beside what is stored of them."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from attrs import evolve

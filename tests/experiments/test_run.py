@@ -1,13 +1,10 @@
 """Runs that share a task, use fewer sources than others, or keep where they went."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import torch
 from attrs import evolve
 
-from vtlib.baselines import FineTuning
 from vtlib.evaluation import Evaluation
 from vtlib.experiments.run import (
     chosen_sources,
@@ -71,7 +68,7 @@ def test_weights_that_are_not_the_pools_are_refused(shared, wrong):
 
 @pytest.mark.parametrize("label", ["NT", "DDQN", "GVT", "2-MGVT"])
 def test_a_batch_records_its_runs_whatever_runs_beside_them(tiny, weights, label):
-    told: list[int] = []
+    told = []
     arrays = run_batch(tiny, label, [0, 2], weights[:3], lambda t: told.append(t) or True)
     times = list(range(20, 221, 20))
     assert list(arrays["iterations"]) == told == times
@@ -83,33 +80,10 @@ def test_a_batch_records_its_runs_whatever_runs_beside_them(tiny, weights, label
     np.testing.assert_allclose(alone[0, :2], prints[1, :2], **ROUNDING)
 
 
-def test_fewer_sources_lead_elsewhere_and_the_rest_is_the_same(shared, weights):
-    few, every = (head(shared, label, [0, 1], weights) for label in ("few", "all"))
-    assert not np.array_equal(few, every)
-    # told to use all of them, the same label leaves the same course
-    told = head(evolve(shared, counts={"few": 8}), "few", [0, 1], weights)
-    np.testing.assert_array_equal(told, every)
-
-
-@pytest.mark.parametrize("start", ["one", "mean"])
-def test_fine_tuning_begins_with_each_runs_sources(tiny, weights, start):
-    tuned = evolve(tiny, algorithms={"tuned": FineTuning(tiny.algorithms["DDQN"], start)})
-    given = weights[:3][chosen_sources(tuned, [0, 2])]
-    expected = given[:, 0] if start == "one" else given.mean(1)
-    agent = prepare(tuned, "tuned", [0, 2], weights[:3]).agent
-    np.testing.assert_allclose(agent.mu[:, 0], expected, rtol=1e-6)
-
-
-def pushing(action: int, sure: float) -> np.ndarray:
-    """Weights of a cartpole's Q-function that has one value for an action and none for another."""
-    w = np.zeros(226, dtype=np.float32)
-    w[226 - 2 + action] = sure
-    return w
-
-
 def test_the_greedy_return_of_a_mixture_is_of_its_mean_or_of_each_component(tiny):
     # one component falls to the left, the other to the right, and so does their mean
-    pool, pair = np.stack([pushing(0, 1.0), pushing(1, 2.0)]), evolve(tiny.pool, count=2)
+    pool, pair = np.zeros((2, 226), dtype=np.float32), evolve(tiny.pool, count=2)
+    pool[:, -2:] = [[1.0, 0.0], [0.0, 2.0]]
     either = [evolve(tiny, each=each, pool=pair, iterations=20) for each in (False, True)]
     mean, each = (run_batch(one, "2-MGVT", [0, 2], pool) for one in either)
     for key in mean:

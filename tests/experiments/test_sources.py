@@ -1,7 +1,5 @@
 """Sources: solved or not as their returns say, the best weights kept, the same in every batch."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np
