@@ -2,11 +2,9 @@
 
 from functools import partial
 from types import SimpleNamespace
-from typing import Any
 
 import pytest
 import torch
-from torch import Tensor
 
 from vtlib.priors import GaussianPrior
 from vtlib.qfunctions import RBFLinear
@@ -15,22 +13,22 @@ from vtlib.rng import Rng
 from vtlib.transfer import Settings
 
 
-def draw(*shape: int, seed: int = 0) -> Tensor:
+def draw(*shape, seed=0):
     return torch.randn(shape, generator=torch.Generator().manual_seed(seed))
 
 
 class Linear(RBFLinear):
     """Q of one weight per feature and action, with the observation itself as features."""
 
-    def __init__(self, features: int, n_actions: int = 1) -> None:
+    def __init__(self, features, n_actions=1):
         self.n_actions = self.width = n_actions
         self.d = features * n_actions
 
-    def prepare(self, obs: Tensor) -> Tensor:
+    def prepare(self, obs):
         return obs.mT
 
 
-def over(obs: Tensor, reward: Tensor) -> Transition:
+def over(obs, reward):
     """The last transition of an episode, from action 0: the TD error is a regression's."""
     return Transition(obs, torch.zeros_like(reward).long(), reward, obs, reward == reward)
 
@@ -144,8 +142,7 @@ def test_the_first_iterations_may_only_act_and_remember(patience, kl):
 
 @pytest.mark.parametrize("responsibilities", ["exact", "equal"])
 def test_equal_responsibilities_pull_a_mean_off_its_source(responsibilities):
-    sources = draw(1, 3, 2)
-    settings = Settings(lambda_=1.0, responsibilities=responsibilities)
+    sources, settings = draw(1, 3, 2), Settings(lambda_=1.0, responsibilities=responsibilities)
     agent = settings.agent(Linear(2), sources, 2, Rng("equal", [0]))
     agent.learn(over(torch.zeros(1, 2), torch.ones(1)))
     toward = (sources.mean(1) - sources[:, 0]).sign() * (responsibilities == "equal")
@@ -155,7 +152,7 @@ def test_equal_responsibilities_pull_a_mean_off_its_source(responsibilities):
 # --- how it acts ---------------------------------------------------------------------------------
 
 
-def actions(q: Linear, sources: Tensor, freshes: Tensor, **changes: Any) -> Tensor:
+def actions(q, sources, freshes, **changes):
     """Actions (steps, R) at one and the same observation of a posterior that does not move."""
     settings = Settings(alpha_mu=1e-12, alpha_L=1e-12, lambda_=0.0, n_samples=1, **changes)
     runs, features = len(sources), q.d // q.n_actions

@@ -10,7 +10,7 @@ from attrs import evolve
 from distributed import KilledWorker
 
 from vtbook.experiments import EXPERIMENTS, THESIS
-from vtlib import __version__, bench, cli, experiments
+from vtlib import bench, cli, experiments
 from vtlib.experiments import installed, run, schedule, store
 from vtlib.experiments.ledger import recorded
 
@@ -149,17 +149,6 @@ def test_arguments_that_are_none_end_with_the_usage(capsys, arguments, said):
     *usage, line = capsys.readouterr().err.strip().splitlines()
     assert usage[0].startswith("usage: python -m vtlib")
     assert said in line
-
-
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [(["run", "--help"], ["mine", "tiny"]), (["--version"], [f"vtlib {__version__}\n"])],
-)
-def test_help_names_the_experiments(capsys, arguments, words):
-    with pytest.raises(SystemExit, match=r"^0$"):
-        main(*arguments)
-    out = capsys.readouterr().out
-    assert all(word in out for word in words)
 
 
 def test_verify_names_a_result_that_is_not_there(stored, capsys):
