@@ -33,11 +33,8 @@ def test_a_printed_page_shows_no_code_bars(book: Path, page) -> None:
 
 def test_the_citation_file_has_what_its_schema_requires_and_the_book_says_the_same():
     citation = yaml.safe_load(text("CITATION.cff"))
-    assert {"cff-version", "message", "title", "version", "license"} <= citation.keys()
-    for work in (citation, *citation["references"]):
-        assert work["title"]
-        for author in work["authors"]:
-            assert author.keys() == {"name"} or {"given-names", "family-names"} <= author.keys()
+    required = {"cff-version", "message", "title", "authors", "version", "license"}
+    assert required <= {key for key, value in citation.items() if value}
     assert f'\nversion = "{citation["version"]}"\n' in text("pyproject.toml")
     for key in ("title", "version"):
         assert f"{{{citation[key]}}}" in text("book/index.md")

@@ -59,7 +59,7 @@ class CorridorFamily(TaskFamily):
         return torch.full((len(tasks),), Corridors.gamma**3)
 
     def sample(self, rng, count):
-        draws = torch.from_numpy(rng.random(count)).float()
+        draws = torch.from_numpy(rng.random(count))
         return Corridors(torch.where(draws < self.right, 1.0, -1.0))
 
 

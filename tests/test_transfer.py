@@ -140,15 +140,6 @@ def test_the_first_iterations_may_only_act_and_remember(patience, kl):
     torch.testing.assert_close(agent.scale_tril[:, 0], expected)
 
 
-@pytest.mark.parametrize("responsibilities", ["exact", "equal"])
-def test_equal_responsibilities_pull_a_mean_off_its_source(responsibilities):
-    sources, settings = draw(1, 3, 2), Settings(lambda_=1.0, responsibilities=responsibilities)
-    agent = settings.agent(Linear(2), sources, 2, Rng("equal", [0]))
-    agent.learn(over(torch.zeros(1, 2), torch.ones(1)))
-    toward = (sources.mean(1) - sources[:, 0]).sign() * (responsibilities == "equal")
-    torch.testing.assert_close(agent.mu[:, 0] - sources[:, 0], 1e-3 * toward)
-
-
 # --- how it acts ---------------------------------------------------------------------------------
 
 

@@ -4,6 +4,7 @@ import re
 from types import SimpleNamespace
 from unittest.mock import Mock
 
+import numpy as np
 import pytest
 import torch
 from attrs import evolve
@@ -101,12 +102,15 @@ def test_reproduce_computes_anew_and_names_what_differs(
     assert re.fullmatch(r"tiny: \d+ s of one core, \d+ MB at most in a process", lines[2])
     assert lines.count("  sources: identical") == lines.count("  GVT: identical") == 1
     assert lines[-1].startswith("4 results compared, none differs")
-    chosen = store.read(stored / "tiny/tasks")[0]["sources"]
-    rewrite("tiny/tasks", sources=chosen[:, ::-1])
+    store.remove(stored / "tiny/NT")
+    rewrite("tiny/GVT", greedy=np.full((3, 11), 0.95, np.float32))
     assert main(*arguments, "--runs", 1) == 1
-    out = capsys.readouterr().out
-    assert "  tasks: DIFFERENT: 1 of 1 differ, number 0 first: sources is " in out
-    assert "1 DIFFER" in out
+    *lines, last = capsys.readouterr().out.splitlines()
+    assert lines.count("  sources: identical") == lines.count("  tasks: identical") == 1
+    assert "  NT: nothing stored to compare with" in lines
+    forged = "  GVT: DIFFERENT: 1 of 1 differ, number 0 first: greedy at iteration 20 is 0.95, anew"
+    assert any(line.startswith(forged) for line in lines)
+    assert "1 DIFFER" in last
     fresh = tmp_path / "_build" / "reproduced-1"
     assert len(store.read(fresh / "tiny/GVT")[0]["run"]) == 1
 

@@ -6,15 +6,8 @@ import torch
 from attrs import evolve
 
 from vtlib.evaluation import Evaluation
-from vtlib.experiments.run import (
-    chosen_sources,
-    head,
-    prepare,
-    run_batch,
-    targets,
-    task_table,
-    zero_shot,
-)
+from vtlib.experiments import run
+from vtlib.experiments.run import chosen_sources, head, prepare, run_batch, targets
 from vtlib.rng import Rng
 
 # float32 sums round differently in batches of another size.
@@ -93,32 +86,18 @@ def test_the_greedy_return_of_a_mixture_is_of_its_mean_or_of_each_component(tiny
     )
 
 
-def test_sources_that_complete_each_other_earn_more_together_than_either(tiny):
-    # each sees a pole that falls to its own side, and else nothing; together they balance it
-    falls = np.zeros((3, 226), dtype=np.float32)
-    for source, side in enumerate((-1.0, 1.0, -1.0)):
-        hidden = falls[source, : 5 * 32].reshape(-1)
-        hidden[[2, 3]] = 10 * side, 5 * side  # angle and its velocity, into the first unit
-        falls[source, 5 * 32 + 32 * (side > 0)] = 1.0
-        falls[source, 225] = 1e-3 * (side > 0)  # what either does where it sees nothing
-    pair = evolve(tiny, pool=evolve(tiny.pool, count=2))
-    together = zero_shot(pair, falls[:2])
-    alone = [zero_shot(evolve(pair, sources=1, excluded=(i,)), falls[:2]) for i in (0, 1)]
-    assert (together > 5 + np.max(alone, 0)).all()
-
-
 def test_what_sources_earn_at_once_is_by_the_surest_of_a_runs_own(tiny):
     # the mean of any two would push to the right
     pool = np.zeros((3, 226), dtype=np.float32)
     pool[:, -2:] = [[1.0, 0.9], [0.0, 0.95], [0.2, 0.97]]
-    found, runs = zero_shot(tiny, pool, episodes=30), range(tiny.runs)
+    found, runs = run.zero_shot(tiny, pool, episodes=30), range(tiny.runs)
     surest = [max(row, key=lambda x: pool[x].max()) for row in chosen_sources(tiny, runs)]
     rng = Rng(f"{tiny.stream} zero-shot", runs)
     evaluate = Evaluation(tiny.family.q(), targets(tiny, runs), rng, 30)
     expected = evaluate(torch.from_numpy(pool[surest])[:, None])
     np.testing.assert_allclose(found, expected, rtol=1e-6)
     with pytest.raises(ValueError, match="weights of tiny-pool must"):
-        zero_shot(tiny, pool[:2])
+        run.zero_shot(tiny, pool[:2])
 
 
 def test_visits_are_kept_where_they_are_asked_for_and_disturb_nothing(tiny, weights):
@@ -150,7 +129,7 @@ def test_the_table_plans_each_task_once_and_repeats_its_optimum(shared, monkeypa
         return tasks.cart_mass + 1
 
     monkeypatch.setattr(type(shared.family), "optimum", plan)
-    table = task_table(shared)
+    table = run.task_table(shared)
     np.testing.assert_array_equal(table["cart_mass"], targets(shared, range(6)).cart_mass)
     np.testing.assert_array_equal(table["sources"], chosen_sources(shared, range(6)))
     np.testing.assert_array_equal(table["optimum"], table["cart_mass"] + 1)

@@ -4,8 +4,6 @@ import hashlib
 import io
 import json
 import os
-import subprocess
-import sys
 import tempfile
 from pathlib import Path
 from unittest.mock import Mock
@@ -147,42 +145,3 @@ def test_an_error_while_saving_leaves_no_result_and_no_litter(tmp_path, monkeypa
     assert not [name for name in files(tmp_path) if name.startswith(".")]
     store.save(tmp_path / "x", ARRAYS, NOTE)
     assert store.same_arrays(store.read(tmp_path / "x")[0], ARRAYS)
-
-
-# Children of one process kill themselves before each call that touches the disk.
-KILLED = """
-import os, signal, sys
-from pathlib import Path
-import numpy as np
-from vtlib.experiments import store
-
-def killed_at(count):
-    calls = []
-    def counted(real):
-        def call(*args, **named):
-            if len(calls) == count:
-                os.kill(os.getpid(), signal.SIGKILL)
-            calls.append(real)
-            return real(*args, **named)
-        return call
-    for name in ("fdopen", "fsync", "chmod", "replace"):
-        setattr(os, name, counted(getattr(os, name)))
-    store.save(Path(sys.argv[1], f"at-{count}", "x"), {"a": np.arange(5000) % 97}, {})
-
-for count in range(9):
-    child = os.fork()
-    if child == 0:
-        killed_at(count)
-        os._exit(0)
-    os.waitpid(child, 0)
-"""
-
-
-def test_killed_before_any_call_leaves_the_whole_or_nothing(tmp_path):
-    subprocess.run([sys.executable, "-c", KILLED, str(tmp_path)], check=True, timeout=120)
-    for count in range(9):
-        path, expected = tmp_path / f"at-{count}" / "x", {"a": np.arange(5000) % 97}
-        # two files, each opened, flushed, given its mode and moved to its place: 8 calls
-        assert store.exists(path) == (count == 8)
-        store.save(path, expected, {})
-        assert store.same_arrays(store.read(path)[0], expected)
