@@ -75,7 +75,7 @@ MINE = Experiment("mine", POOL, FAMILY, ALGORITHMS, runs=2, sources=2, iteration
 EXPERIMENTS = {"mine": MINE}
 '''
 
-# A posterior of another form, moved by Adam, in one file, and the one line that makes it known.
+# A posterior of another form in one file, and the one line that makes it known.
 ISOTROPIC = '''
 import torch
 
@@ -83,31 +83,22 @@ from vtlib.posteriors import COVARIANCES
 
 
 class Isotropic:
-    """w = mu + sigma z, with one sigma for each component."""
+    """w = mu + sigma z, with the one sigma that it began with."""
 
     def __init__(self, start, precision, descent, noise, n_samples):
-        self.mu, self._noise, self._n = start.mu, noise, n_samples
-        self._precision, self._sigma_min = precision, descent.sigma_min
-        self._sigma = torch.full((*self.mu.shape[:2], 1, 1), start.variance**0.5)
-        self._adam = torch.optim.Adam([self._sigma], lr=descent.alpha)
+        self.mu, self._sigma, self._noise = start.mu, start.variance**0.5, noise
+        self._shape = torch.Size([*self.mu.shape[:2], n_samples, self.mu.shape[2]])
 
     def sample(self):
-        runs, components, d = self.mu.shape
-        draws = self._noise.normal(components * self._n * d)
-        self._z = draws.view(runs, components, self._n, d)
-        return self.mu.unsqueeze(2) + self._sigma * self._z
+        draws = self._noise.normal(self._shape[1:].numel()).view(self._shape)
+        return self.mu.unsqueeze(2) + self._sigma * draws
 
     def step(self, gradients, kl_weight):
-        used, d = gradients.shape[2:]
-        trace = self._precision.diagonal(d).sum(-1).view(-1, 1, 1, 1)
-        slope = (gradients * self._z[:, :, -used:]).sum((2, 3), keepdim=True)
-        self._sigma.grad = slope + kl_weight * (trace * self._sigma - d / self._sigma)
-        self._adam.step()
-        self._sigma.clamp_(min=self._sigma_min)
+        assert gradients.shape[2] < self._shape[2]
 
     @property
     def scale_tril(self):
-        return torch.diag_embed(self._sigma.squeeze(3).expand_as(self.mu))
+        return torch.diag_embed(torch.full_like(self.mu, self._sigma))
 
 
 COVARIANCES["isotropic"] = Isotropic

@@ -169,14 +169,6 @@ def test_weights_to_act_with_are_drawn_at_every_step_or_once_an_episode(act):
     assert (shares - 0.25).abs().max() < 5 * (0.19 / drawn.sum()) ** 0.5
 
 
-@pytest.mark.parametrize("act", ["step", "episode"])
-def test_components_act_equally_often(act):
-    sources, freshes = torch.eye(3).repeat(9, 1, 1), torch.ones(100, 9, dtype=torch.bool)
-    taken = actions(Linear(1, 3), sources, freshes, components=3, act=act)
-    # binomial with mean 300: five standard deviations are 71
-    assert (torch.bincount(taken.flatten(), minlength=3) - 300).abs().max() < 71
-
-
 @pytest.mark.parametrize("changes", [{"family": "gaussian"}, {"components": 2}, {"init": "mean"}])
 def test_sources_are_left_alone_and_may_belong_to_a_module(changes):
     sources = draw(2, 4, 6).requires_grad_()
