@@ -1,7 +1,5 @@
 """The check of the pages' language finds faults in prose, and reads no code."""
 
-from __future__ import annotations
-
 import pytest
 
 pytest.importorskip("proselint")
@@ -9,8 +7,6 @@ pytest.importorskip("proselint")
 PAGE = """---
 kernelspec: very unique
 ---
-# A page
-
 {} prose of $very unique$ `very unique` and
 two lines.
 
@@ -28,6 +24,6 @@ x = "very unique"
 
 @pytest.mark.parametrize("fault", ["A very unique", "Sought is", "Needless to say,"])
 def test_a_fault_is_named_with_its_line_and_nothing_else_is_found(extension, fault):
-    for line, words in ((6, (fault, "Here is")), (16, ("Good", fault))):
+    for line, words in ((4, (fault, "Here is")), (14, ("Good", fault))):
         found = extension("prose").faults("page.md", PAGE.format(*words))
         assert {one.partition(": ")[0] for one in found} == {f"page.md:{line}"}

@@ -1,10 +1,7 @@
 """How much memory the posteriors over large networks take."""
 
-from __future__ import annotations
-
 import gc
 import json
-from pathlib import Path
 
 import pytest
 import torch
@@ -19,7 +16,7 @@ from vtlib.transfer import Settings
 @pytest.mark.parametrize(
     ("settings", "runs"), [(Settings("gaussian"), 4), (Settings(components=3), 2)]
 )
-def test_a_run_takes_less_than_30_megabytes_for_each_component(settings, runs, tmp_path: Path):
+def test_a_run_takes_less_than_30_megabytes_for_each_component(settings, runs, tmp_path):
     # What PyTorch's allocator counts, from an agent's beginning to its 10th step; the system's
     # numbers depend on how large its pages are.
     q, g = MLP((22, 32, 32, 3)), torch.Generator().manual_seed(0)

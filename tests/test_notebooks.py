@@ -1,12 +1,9 @@
 """The notebooks that the pages offer: valid, the same each time, and in need of vtlib alone."""
 
-from __future__ import annotations
-
 import ast
 import subprocess
 import sys
 from pathlib import Path
-from types import ModuleType
 
 import nbformat
 import pytest
@@ -19,22 +16,16 @@ WITHOUT_THE_BOOK = "import sys; sys.modules.update(dict.fromkeys(('myst_nb', 'ju
 BROUGHT = "vtlib vtbook torch numpy gymnasium scipy xarray attrs matplotlib IPython"  # by vtlib
 
 
-@pytest.fixture
-def notebooks(extension) -> ModuleType:
-    """The extension that makes them."""
-    return extension("notebooks")
-
-
 def code(notebook) -> str:
     """All cells with code, one after another."""
     return "\n".join(cell.source for cell in notebook.cells if cell.cell_type == "code")
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda path: path.stem)
-def test_a_page_becomes_a_valid_notebook_that_needs_vtlib_alone(notebooks: ModuleType, page: Path):
-    made = notebooks.notebook(page)
+def test_a_page_becomes_a_valid_notebook_that_needs_vtlib_alone(extension, page):
+    made, again = (extension("notebooks").notebook(page) for _ in range(2))
     nbformat.validate(made)
-    assert nbformat.writes(made) == nbformat.writes(notebooks.notebook(page))
+    assert nbformat.writes(made) == nbformat.writes(again)
     assert "pip install -e ." in made.cells[0].source
     assert "%%" not in code(made)
     for node in ast.walk(ast.parse(code(made))):
@@ -43,13 +34,13 @@ def test_a_page_becomes_a_valid_notebook_that_needs_vtlib_alone(notebooks: Modul
             assert name.partition(".")[0] in {*BROUGHT.split(), *sys.stdlib_module_names}
 
 
-def test_a_notebook_runs_without_the_book(notebooks: ModuleType, tmp_path: Path):
-    program = WITHOUT_THE_BOOK + code(notebooks.notebook(BOOK / "introduction.md"))
+def test_a_notebook_runs_without_the_book(extension, tmp_path):
+    program = WITHOUT_THE_BOOK + code(extension("notebooks").notebook(BOOK / "introduction.md"))
     command = [sys.executable, "-c", program]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
 
 
-def test_durations_are_told_in_words(notebooks: ModuleType):
-    told = [notebooks.in_words(seconds) for seconds in (0.2, 12.3, 89.0, 200.0)]
+def test_durations_are_told_in_words(extension):
+    told = [extension("notebooks").in_words(seconds) for seconds in (0.2, 12.3, 89.0, 200.0)]
     assert told == ["about a second", "12 seconds", "89 seconds", "3 minutes"]

@@ -1,7 +1,5 @@
 """Divergences of Gaussians and mixtures, their gradients, and the priors made of sources."""
 
-from __future__ import annotations
-
 import itertools
 import math
 
@@ -10,37 +8,26 @@ import pytest
 import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from torch import Tensor
 from torch.distributions import Categorical, MixtureSameFamily, MultivariateNormal, kl_divergence
 
 from vtlib import priors
-from vtlib.priors import (
-    Gaussian,
-    GaussianPrior,
-    MixturePrior,
-    covariance_factor,
-    kl,
-    kl_bound,
-    pairwise_kl,
-    pull_of_sources,
-    responsibilities,
-)
+from vtlib.priors import Gaussian, GaussianPrior, MixturePrior, kl, kl_bound, pairwise_kl
 
 CASES = [(1, 1), (1, 4), (2, 1), (2, 3), (3, 3), (4, 2)]
 TABLES = (st.integers(1, 5), st.integers(1, 6), st.floats(0.01, 1e4), st.integers(0, 1000))
 close = torch.testing.assert_close
 
 
-def draw(*shape: int, seed: int = 0) -> Tensor:
+def draw(*shape, seed=0):
     g = torch.Generator().manual_seed(seed)
     return torch.randn(shape, dtype=torch.float64, generator=g)
 
 
-def eye(d: int) -> Tensor:
+def eye(d):
     return torch.eye(d, dtype=torch.float64)
 
 
-def gaussian(*batch: int, d: int, seed: int = 1) -> Gaussian:
+def gaussian(*batch, d, seed=1):
     """Gaussians with well-conditioned full covariances."""
     lower = draw(*batch, d, d, seed=seed).tril(-1) / (2 * d**0.5)
     diagonal = draw(*batch, d, seed=seed + 1).mul(0.3).exp()
@@ -59,7 +46,9 @@ def test_kl_agrees_with_torch_distributions(d):
 @pytest.mark.parametrize("d", [1, 3, 8])
 def test_gradients_of_the_kl_are_the_pull_and_the_product_with_the_precision(d):
     q, prior = gaussian(2, 1, d=d), GaussianPrior(draw(2, 4, d, seed=9), 0.1)
-    p = Gaussian(prior.mu, covariance_factor(prior.start(1, "sources").spread, 0.1).unsqueeze(1))
+    p = Gaussian(
+        prior.mu, priors.covariance_factor(prior.start(1, "sources").spread, 0.1).unsqueeze(1)
+    )
     leaves = [x.clone().requires_grad_() for x in q]
     # which passes finite differences
     assert torch.autograd.gradcheck(lambda *own: kl(Gaussian(*own), p), leaves)
@@ -90,7 +79,7 @@ def test_a_gaussian_prior_has_the_moments_of_its_sources(
     assert torch.equal(start.spread, span.spread)
     covariance = torch.stack([torch.from_numpy(np.cov(one.T, ddof=ddof)) for one in w])
     covariance += jitter * eye(6)
-    L = covariance_factor(start.spread, jitter)
+    L = priors.covariance_factor(start.spread, jitter)
     close(L @ L.mT, covariance)
     assert not L.triu(1).any()
     inverse = prior.precision.times(eye(6).expand(5, 6, 6))
@@ -105,7 +94,7 @@ def test_a_gaussian_prior_has_the_moments_of_its_sources(
 @pytest.mark.parametrize("apart", [1e8, 1e30, 3e38])
 def test_sources_too_far_apart_for_their_covariance_are_refused(apart):
     far = (apart * draw(1, 4, 9).clamp(-1, 1)).float()
-    refused = [lambda: covariance_factor(priors.sources_mean_and_spread(far)[1], 1e-4)]
+    refused = [lambda: priors.covariance_factor(priors.sources_mean_and_spread(far)[1], 1e-4)]
     if apart == 3e38:  # whose differences are infinite
         refused.append(lambda: GaussianPrior(far))
     for call in refused:
@@ -116,11 +105,11 @@ def test_sources_too_far_apart_for_their_covariance_are_refused(apart):
 # --- mixtures ------------------------------------------------------------------------------------
 
 
-def tight_bound(pairwise: Tensor, updates: int | None = None) -> Tensor:
-    return kl_bound(pairwise, *responsibilities(pairwise, updates))
+def tight_bound(pairwise, updates=None):
+    return kl_bound(pairwise, *priors.responsibilities(pairwise, updates))
 
 
-def torch_mixture(mu: Tensor, L: Tensor) -> MixtureSameFamily:
+def torch_mixture(mu, L):
     weights = Categorical(torch.ones(len(mu), dtype=torch.float64))
     return MixtureSameFamily(weights, MultivariateNormal(mu, scale_tril=L))
 
@@ -157,15 +146,15 @@ def test_updates_never_raise_the_bound_and_keep_the_marginals(components, source
     assert all(later <= sooner + slack for sooner, later in itertools.pairwise(bounds))
     assert tight_bound(pairwise).item() <= bounds[1] + slack
     for updates in (0, 1, 7, None):
-        theta, phi = (x.exp() for x in responsibilities(pairwise, updates))
+        theta, phi = (x.exp() for x in priors.responsibilities(pairwise, updates))
         close(theta.sum(1), torch.full((components,), 1 / components).double())
         close(phi.sum(0), torch.full((sources,), 1 / sources).double())
 
 
 def test_one_update_is_equations_5_14_and_5_15():
     pairwise = draw(3, 4).square()
-    theta_before = responsibilities(pairwise, 6)[0].exp()
-    theta, phi = (x.exp() for x in responsibilities(pairwise, 7))
+    theta_before = priors.responsibilities(pairwise, 6)[0].exp()
+    theta, phi = (x.exp() for x in priors.responsibilities(pairwise, 7))
     close(phi, theta_before / theta_before.sum(0) / 4)
     boltzmann = phi * (-pairwise).exp()
     close(theta, boltzmann / boltzmann.sum(1, keepdim=True) / 3)
@@ -177,10 +166,12 @@ def test_converged_bound_is_near_its_limit_and_feels_no_order():
         pairwise = 3 * draw(3, 6, seed=seed).square()
         limit = tight_bound(pairwise, 1000)
         assert limit - 1e-9 <= tight_bound(pairwise) <= limit + 0.02
-        moved = responsibilities(pairwise[rows][:, columns])
+        moved = priors.responsibilities(pairwise[rows][:, columns])
         # nor what other runs of the batch are like
-        beside = responsibilities(torch.stack([50 * pairwise, pairwise, 0.01 * pairwise]))
-        for alone, other, batch in zip(responsibilities(pairwise), moved, beside, strict=True):
+        beside = priors.responsibilities(torch.stack([50 * pairwise, pairwise, 0.01 * pairwise]))
+        for alone, other, batch in zip(
+            priors.responsibilities(pairwise), moved, beside, strict=True
+        ):
             close(other.exp(), alone[rows][:, columns].exp())
             close(batch[1].exp(), alone.exp(), rtol=0, atol=1e-9)
 
@@ -193,13 +184,13 @@ def test_far_sources_in_484_dimensions(components):
         pairwise = pairwise_kl(Gaussian(mu, L), w, 1e-5)
         assert 1e5 < pairwise.max() < 1e7
         assert torch.isfinite(tight_bound(pairwise))
-        assert torch.isfinite(pull_of_sources(mu, w, 1e-5)).all()
+        assert torch.isfinite(priors.pull_of_sources(mu, w, 1e-5)).all()
     # where each component explains its own source, log S - log C is what remains
     q = Gaussian(w[:components].double(), L.double())
     bound = tight_bound(pairwise_kl(q, w.double(), 1e-5))
     assert bound.item() == pytest.approx(math.log(10 / components), abs=1e-9)
     # Adam divides by the gradient's size: a mere rounding error would move the means
-    assert not pull_of_sources(w[:components], w, 1e-5).any()
+    assert not priors.pull_of_sources(w[:components], w, 1e-5).any()
 
 
 @pytest.mark.parametrize(("components", "sources"), CASES)
@@ -207,16 +198,16 @@ def test_pull_is_the_gradient_of_the_tightened_bound(components, sources):
     q, w, variance, h = gaussian(components, d=4), draw(sources, 4, seed=8), 0.9, 1e-3
     mu = q.mu.clone().requires_grad_()
     pairwise = pairwise_kl(Gaussian(mu, q.scale_tril), w, variance)
-    bound = kl_bound(pairwise, *responsibilities(pairwise.detach()))
+    bound = kl_bound(pairwise, *priors.responsibilities(pairwise.detach()))
     (with_theta_held,) = torch.autograd.grad(bound, mu)
-    close(pull_of_sources(q.mu, w, variance), with_theta_held, rtol=1e-5, atol=1e-5)
+    close(priors.pull_of_sources(q.mu, w, variance), with_theta_held, rtol=1e-5, atol=1e-5)
     # theta and phi are tightened anew at either end: at their fixed point the bound is flat in them
     steps = h * eye(mu.numel()).view(-1, *mu.shape)
     wide = 2.5 * q.mu
     ends = Gaussian(torch.stack([wide + steps, wide - steps]), q.scale_tril)
     above, below = tight_bound(pairwise_kl(ends, w, variance), 1000)
     slopes = ((above - below) / (2 * h)).view_as(wide)
-    close(pull_of_sources(wide, w, variance), slopes, rtol=0, atol=0.01)
+    close(priors.pull_of_sources(wide, w, variance), slopes, rtol=0, atol=0.01)
 
 
 @pytest.mark.parametrize("components", [1, 2, 5])
@@ -231,7 +222,7 @@ def test_mixture_prior_starts_on_different_sources_or_at_their_mean(components):
     for start in (on, mean):
         assert (start.variance, start.spread) == (0.5, None)
         start.mu.add_(1.0)
-        close(prior.pull(start.mu), pull_of_sources(start.mu, before, 0.5))
+        close(prior.pull(start.mu), priors.pull_of_sources(start.mu, before, 0.5))
 
 
 def test_equal_responsibilities_are_the_bound_with_a_uniform_table():

@@ -1,26 +1,22 @@
 """Q-functions over flat weights: values against naive formulas, gradients against autograd."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import pytest
 import torch
-from torch import Tensor, nn
+from torch import nn
 
 from vtlib.qfunctions import MLP, ModuleQ, RBFLinear
 
 ROUNDING = {"rtol": 1e-4, "atol": 1e-5}  # of float32 sums over a few dozen terms
 
 
-def draw(*shape: int, seed: int = 0) -> Tensor:
+def draw(*shape, seed=0):
     return torch.randn(shape, generator=torch.Generator().manual_seed(seed))
 
 
-def network(*sizes: int) -> nn.Sequential:
-    layers: list[nn.Module] = []
-    for into, out in pairwise(sizes):
-        layers += [nn.Linear(into, out), nn.ReLU()]
+def network(*sizes):
+    layers = [layer for into, out in pairwise(sizes) for layer in (nn.Linear(into, out), nn.ReLU())]
     return nn.Sequential(*layers[:-1])
 
 
@@ -68,7 +64,6 @@ def test_networks_equal_the_torch_module_of_the_same_flat_weights(q, module):
     w, obs = draw(2, 3, q.d), draw(2, 6, module[0].in_features, seed=1)
     before, own = w.clone(), nn.utils.parameters_to_vector(module.parameters())
     values, pullback = q.vjp(w, q.prepare(obs))
-    values = values.clone()
     torch.testing.assert_close(q.q(w, q.prepare(obs)), values, **ROUNDING)
     cotangent = draw(*values.shape, seed=2)
     gradient = pullback(cotangent)

@@ -1,20 +1,17 @@
 """Random streams: reproducible, independent of the batch, and distributed as they should be."""
 
-from __future__ import annotations
-
 import itertools
 
 import numpy as np
 import pytest
 import torch
 from scipy.stats import kstest
-from torch import Tensor
 
 from vtlib import rng
 from vtlib.rng import Rng, Stream, generator
 
 
-def take(runs: list[int] | range, kind: str, draws: int, n: int) -> Tensor:
+def take(runs, kind, draws, n):
     """The first numbers of a stream (R, draws, n)."""
     stream = Stream("e", runs, "noise")
     return torch.stack([getattr(stream, kind)(n) for _ in range(draws)], 1)
@@ -37,12 +34,12 @@ def test_numbers_depend_neither_on_the_batch_nor_on_how_many_are_drawn_ahead(kin
 @pytest.mark.parametrize("before", [0, 7])
 def test_some_runs_go_on_as_if_the_others_had_never_been(before):
     stream, alone = Stream("e", range(4), "noise"), take([3, 1], "normal", 300, 2)
-    for _ in range(before):
-        stream.normal(2)
-    stream.keep([3, 1])
-    assert len(stream) == 2
-    for t in range(before, 300):
-        assert torch.equal(stream.normal(2), alone[:, t])
+    for t in range(300):
+        if t == before:
+            stream.keep([3, 1])
+            assert len(stream) == 2
+        numbers = stream.normal(2)
+        assert t < before or torch.equal(numbers, alone[:, t])
 
 
 def test_equal_names_give_equal_numbers_and_other_names_others():
@@ -58,9 +55,6 @@ def test_rng_gives_each_role_its_stream_from_the_beginning():
     for _ in range(2):
         numbers = runs.stream("noise").uniform(3)
         assert torch.equal(numbers, Stream("e", [2, 0], "noise").uniform(3))
-    runs.check_rows(2)
-    with pytest.raises(ValueError, match="weights for each of 2 runs, got 3"):
-        runs.check_rows(3)
 
 
 @pytest.mark.parametrize(("kind", "cdf"), [("normal", "norm"), ("uniform", "uniform")])

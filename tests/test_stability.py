@@ -1,7 +1,5 @@
 """Stability of the descent on L: the bound by its recursion, the eigenvalue by a matrix."""
 
-from __future__ import annotations
-
 import math
 from types import SimpleNamespace
 
@@ -21,7 +19,7 @@ from vtlib.td import td_error
 D, SAMPLES, REPEATS = 8, 3, 40_000
 
 
-def recursion(u: np.ndarray, alpha_eta: float, samples: int) -> np.ndarray:
+def recursion(u, alpha_eta, samples):
     """The matrix that takes E l_j^2 to its next value, for H = eta u u^T and |u| = 1."""
     c = np.cumsum(u[::-1] ** 2)[::-1]
     own = 1 - 2 * alpha_eta * c + (alpha_eta * c) ** 2 * (samples + 1) / samples
@@ -45,7 +43,7 @@ def test_a_step_of_the_engine_follows_the_recursion(u):
     assert (np.abs(squares.mean(0).numpy() - expected) < 5 * error.numpy() + 1e-5).all()
 
 
-def growth(u: np.ndarray, share: float, samples: int) -> float:
+def growth(u, share, samples):
     """By how much the factor grows in a step of a share of the bound along a direction."""
     u = u / np.linalg.norm(u)
     length = torch.tensor((np.arange(1, len(u) + 1) * u**2).sum())
@@ -73,7 +71,7 @@ def test_the_eigenvalue_is_that_of_the_explicit_matrix(psi, run):
     action, reward = torch.randint(2, (2, 40), generator=g), torch.randn(2, 40, generator=g)
     batch = Transition(obs, action, reward, after, torch.rand(2, 40, generator=g) < 0.2)
 
-    def errors(w: torch.Tensor, following: torch.Tensor) -> torch.Tensor:
+    def errors(w, following):
         """TD errors of the run with the next state's weights of their own."""
         now = q.q(w.view(1, 1, -1), q.prepare(obs[[run]]))
         later = q.q(following.view(1, 1, -1), q.prepare(after[[run]]))

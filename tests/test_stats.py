@@ -1,7 +1,5 @@
 """Intervals over runs against their definitions, and a test of pairs against all exchanges."""
 
-from __future__ import annotations
-
 import math
 from itertools import product
 

@@ -1,7 +1,5 @@
 """Mellowmax, TD errors and their psi-mixed gradients, against definitions and autograd."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

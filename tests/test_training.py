@@ -1,14 +1,11 @@
 """The loop: what it records and when, and when it ends."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import torch
-from torch import Tensor
 
 from vtlib.replay import Transition
-from vtlib.training import FINGERPRINTS, Curves, Diverged, fingerprint, train
+from vtlib.training import FINGERPRINTS, Diverged, fingerprint, train
 
 NAMES = ["a", "b", "c"]
 
@@ -16,14 +13,14 @@ NAMES = ["a", "b", "c"]
 class Counting:
     """An agent whose weights count what it has learned, one more for each later run."""
 
-    def __init__(self) -> None:
+    def __init__(self):
         self.mu = torch.arange(3.0).view(-1, 1, 1).repeat(1, 2, 3)
 
-    def act(self, obs: Tensor, fresh: Tensor) -> Tensor:
+    def act(self, obs, fresh):
         assert fresh.all()
         return obs[:, 0].long()
 
-    def learn(self, transition: Transition) -> None:
+    def learn(self, transition):
         # the action is for what was observed, and learned from before the next
         assert torch.equal(transition.action, transition.obs[:, 0].long())
         assert torch.equal(transition.next_obs, transition.obs + 1)
@@ -33,25 +30,25 @@ class Counting:
 class Walk:
     """Episodes that only count their steps; the learning return is a hundredth of the count."""
 
-    def __init__(self) -> None:
+    def __init__(self):
         self.obs, self.fresh = torch.zeros(3, 2), torch.ones(3, dtype=torch.bool)
         self.returns = self
 
-    def mean(self) -> Tensor:
+    def mean(self):
         return self.obs[:, 0] / 100
 
-    def step(self, action: Tensor) -> Transition:
+    def step(self, action):
         before, self.obs = self.obs, self.obs + 1
         return Transition(before, action, self.obs[:, 0], self.obs, self.fresh)
 
 
-def first(mu: Tensor) -> Tensor:
+def first(mu):
     """The first weight (R,) of each run, which has to be finite, as the greedy return."""
     assert torch.isfinite(mu).all()
     return mu[:, 0, 0]
 
 
-def assert_counted(curves: Curves, iterations: int, times: np.ndarray) -> None:
+def assert_counted(curves, iterations, times):
     """The curves of so many iterations of counting, recorded at these times."""
     np.testing.assert_array_equal(curves.iterations, times)
     np.testing.assert_allclose(curves.learning, np.tile(times / 100, (3, 1)), rtol=1e-6)
@@ -63,7 +60,7 @@ def assert_counted(curves: Curves, iterations: int, times: np.ndarray) -> None:
     np.testing.assert_allclose(curves.fingerprints, expected)
 
 
-@pytest.mark.parametrize("every", [7, 100, 1000])
+@pytest.mark.parametrize("every", [7, 100])
 @pytest.mark.parametrize("iterations", [0, 1, 48, 49, 198, 199, 250])
 def test_returns_and_fingerprints_are_recorded_in_time(iterations, every):
     curves = train(Counting(), Walk(), first, iterations, every, NAMES)
@@ -77,7 +74,7 @@ def test_a_fingerprint_is_summed_in_double():
 
 
 def test_progress_hears_of_every_evaluation_and_stops_the_loop():
-    heard: list[int] = []
+    heard = []
     train(Counting(), Walk(), first, 250, 60, NAMES, lambda t: heard.append(t) is None)
     assert heard == [60, 120, 180, 240]
     curves = train(Counting(), Walk(), first, 250, 20, NAMES, lambda t: t < 60)
@@ -87,11 +84,10 @@ def test_progress_hears_of_every_evaluation_and_stops_the_loop():
 @pytest.mark.parametrize(("run", "value"), [(0, np.nan), (2, -np.inf)])
 def test_divergence_names_the_run_and_the_iteration_before_it_is_evaluated(run, value):
     class Exploding(Counting):
-        def learn(self, transition: Transition) -> None:
+        def learn(self, transition):
             super().learn(transition)
             if transition.obs[0, 0] == 29:
                 self.mu[run, 1, 2] = value
 
-    with pytest.raises(Diverged) as raised:
+    with pytest.raises(Diverged, match=f"^{NAMES[run]} diverged: .* not finite at iteration 40$"):
         train(Exploding(), Walk(), first, 100, 20, NAMES)
-    assert str(raised.value) == f"{NAMES[run]} diverged: its weights are not finite at iteration 40"

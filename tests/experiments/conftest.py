@@ -1,35 +1,30 @@
 """What a small experiment comes to, which may be changed, and a cluster in this process."""
 
-from __future__ import annotations
-
 import shutil
-from collections.abc import Callable, Iterator
 from functools import partial
-from pathlib import Path
 
 import pytest
 from distributed import LocalCluster
 
 from vtlib.experiments import schedule, store
-from vtlib.experiments.experiment import Experiment
 
 
 @pytest.fixture(scope="session")
-def cluster() -> Callable[..., LocalCluster]:
+def cluster():
     """A Dask cluster of this machine, such as somebody else has started."""
     alone = {"dashboard_address": "127.0.0.1:0", "scheduler_kwargs": {"dashboard": False}}
     return partial(LocalCluster, threads_per_worker=1, **alone)
 
 
 @pytest.fixture(scope="session")
-def here(cluster: Callable[..., LocalCluster]) -> Iterator[str]:
+def here(cluster):
     """The address of a cluster whose one worker is a thread of this process."""
     with cluster(n_workers=1, processes=False) as local:
         yield local.scheduler_address
 
 
 @pytest.fixture(scope="session", autouse=True)
-def two_at_a_time() -> Iterator[None]:
+def two_at_a_time():
     """Batches of two runs, so that three of them are cut."""
     with pytest.MonkeyPatch.context() as monkeypatch:
         monkeypatch.setattr(schedule, "BATCH", 2)
@@ -37,7 +32,7 @@ def two_at_a_time() -> Iterator[None]:
 
 
 @pytest.fixture(scope="session")
-def computed(tiny: Experiment, here: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def computed(tiny, here, tmp_path_factory):
     """All results of the tiny experiment."""
     root = tmp_path_factory.mktemp("computed")
     schedule.complete([tiny], root, scheduler=here, quiet=True)
@@ -45,16 +40,16 @@ def computed(tiny: Experiment, here: str, tmp_path_factory: pytest.TempPathFacto
 
 
 @pytest.fixture
-def stored(computed: Path, tmp_path: Path) -> Path:
+def stored(computed, tmp_path):
     """A copy of them, which may be changed."""
     return shutil.copytree(computed, tmp_path / "stored")
 
 
 @pytest.fixture
-def rewrite(stored: Path) -> Callable[..., None]:
+def rewrite(stored):
     """Store a result with other arrays, or without one, as somebody who knows its digest would."""
 
-    def change(name: str, **changes: object) -> None:
+    def change(name, **changes):
         arrays, note = store.read(stored / name)
         store.remove(stored / name)
         kept = {key: x for key, x in {**arrays, **changes}.items() if x is not None}

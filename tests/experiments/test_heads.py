@@ -1,19 +1,14 @@
 """Recomputed heads against stored ones, here and elsewhere."""
 
-from __future__ import annotations
-
-from collections.abc import Callable
-
 import pytest
 import torch
-from torch import Tensor
 
 from vtbook.experiments.cartpole import CARTPOLE
 from vtbook.experiments.rooms import ROOMS_EVALUATION, THREE_ROOMS
 from vtlib import rng, transfer
 from vtlib.envs.rooms import Rooms
 from vtlib.experiments import run, sources, store
-from vtlib.experiments.heads import check_heads, live_check, verify_heads
+from vtlib.experiments.heads import check_heads, live_check
 from vtlib.native.runs import NativeRun
 from vtlib.priors import MixturePrior
 
@@ -21,14 +16,7 @@ CART, ROOMS = CARTPOLE.published, ROOMS_EVALUATION.published
 STORED, NOTE = store.stored(CART, "DDQN")
 
 
-def test_heads_of_every_kind_of_result_are_verified(tiny, stored):
-    found = list(verify_heads(tiny, tiny, root=stored))
-    assert [(owner, label) for owner, label, _ in found] == store.results_of(tiny)
-    assert all(heads == ([0, 1, 2], {}, {}) for *_, heads in found)
-    assert check_heads(tiny, "2-MGVT", stored, [2]) == ([2], {}, {})
-
-
-def with_differing(monkeypatch, differ: set[int], processor: str, start: int = 1) -> list[int]:
+def with_differing(monkeypatch, differ, processor="of another kind", start=1):
     """Let some heads differ from the fingerprint ``start`` on; which runs were computed."""
     asked = []
 
@@ -66,7 +54,7 @@ def test_on_the_same_processor_every_run_counts(monkeypatch):
 def test_on_another_processor_a_few_among_many_are_rounding(
     monkeypatch, differ, members, wrong, parted
 ):
-    asked = with_differing(monkeypatch, differ, "of another kind")
+    asked = with_differing(monkeypatch, differ)
     found = check_heads(CART, "DDQN", members=members)
     assert (list(found.wrong), found.parted) == (wrong, dict.fromkeys(parted, 48))
     assert len(asked) == len(set(asked))
@@ -76,65 +64,44 @@ def test_on_another_processor_a_few_among_many_are_rounding(
 
 @pytest.mark.parametrize("members", [None, [3], [3, 4]])
 def test_a_first_iteration_that_differs_is_no_rounding(monkeypatch, members):
-    with_differing(monkeypatch, {3}, "of another kind", start=0)
+    with_differing(monkeypatch, {3}, start=0)
     found = check_heads(CART, "DDQN", members=members)
     assert (list(found.wrong), found.parted) == ([3], {})
 
 
 def test_the_live_check_says_what_was_found(monkeypatch):
-    with_differing(monkeypatch, {3}, "of another kind", start=0)
+    with_differing(monkeypatch, {3}, start=0)
     assert "does NOT have" in live_check(CART, "DDQN", 3)
     assert live_check(CART, "DDQN", 4).endswith("has the stored fingerprints.")
-    with_differing(monkeypatch, {3}, "of another kind")
+    with_differing(monkeypatch, {3})
     assert "has the stored fingerprints until rounding" in live_check(CART, "DDQN", 3)
 
 
 # --- deliberate faults ---------------------------------------------------------------------------
 
 
-def no_fault(monkeypatch) -> None:
-    """The engine leaves what the kernels have left."""
+# What stands in for a function, which is given first.
+FAULTS = {
+    "no fault": (run, "prepare_natively", lambda *_: None),
+    "sign of the gradient": (transfer, "td_gradients", lambda real, *given: -real(*given)),
+    "psi": (
+        transfer,
+        "td_gradients",
+        lambda real, *given: real(*given[:3], 0.5 * given[3], *given[4:]),
+    ),
+    "weight of the KL": (MixturePrior, "pull", lambda real, *given: 2 * real(*given)),
+    "seed": (rng, "generator", lambda real, name, one, role: real(name, one + 1, role)),
+    "walls": (Rooms, "_blocked", lambda real, *given: torch.zeros_like(real(*given))),
+}
 
 
-def gradient_sign(monkeypatch) -> None:
-    real = transfer.td_gradients
-    monkeypatch.setattr(transfer, "td_gradients", lambda *arguments: -real(*arguments))
-
-
-def psi_ignored(monkeypatch) -> None:
-    real = transfer.td_gradients
-
-    def half(q, weights, batch, psi, gamma, kappa):
-        return real(q, weights, batch, psi / 2, gamma, kappa)
-
-    monkeypatch.setattr(transfer, "td_gradients", half)
-
-
-def kl_weight(monkeypatch) -> None:
-    real = MixturePrior.pull
-    monkeypatch.setattr(MixturePrior, "pull", lambda self, mu: 2 * real(self, mu))
-
-
-def shifted_seed(monkeypatch) -> None:
-    real = rng.generator
-    monkeypatch.setattr(rng, "generator", lambda name, one, role: real(name, one + 1, role))
-
-
-def leaking_wall(monkeypatch) -> None:
-    def nowhere(self: Rooms, state: Tensor, proposed: Tensor) -> Tensor:
-        return torch.zeros(len(state), 1, dtype=torch.bool)
-
-    monkeypatch.setattr(Rooms, "_blocked", nowhere)
-
-
-@pytest.mark.parametrize(
-    "fault", [no_fault, gradient_sign, psi_ignored, kl_weight, shifted_seed, leaking_wall]
-)
-def test_a_fault_is_caught(fault: Callable, monkeypatch):
+@pytest.mark.parametrize(("place", "name", "otherwise"), FAULTS.values(), ids=FAULTS)
+def test_a_fault_is_caught(place, name, otherwise, monkeypatch):
+    # the engine leaves what the kernels have left
     monkeypatch.setattr(run, "prepare_natively", lambda *_: None)
-    fault(monkeypatch)
-    wrong = check_heads(ROOMS, "1-MGVT", members=[7]).wrong
-    assert list(wrong) == ([] if fault is no_fault else [7])
+    real = getattr(place, name)
+    monkeypatch.setattr(place, name, lambda *given: otherwise(real, *given))
+    assert list(check_heads(ROOMS, "1-MGVT", members=[7]).wrong) == ([] if place is run else [7])
 
 
 def test_a_fault_in_the_kernels_is_caught(monkeypatch):

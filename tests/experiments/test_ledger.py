@@ -1,7 +1,5 @@
 """What is noted of runs that were computed anew."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,23 +1,13 @@
 """Runs that share a task, use fewer sources than others, or keep where they went."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import torch
 from attrs import evolve
 
-from vtlib.baselines import FineTuning
 from vtlib.evaluation import Evaluation
-from vtlib.experiments.run import (
-    chosen_sources,
-    head,
-    prepare,
-    run_batch,
-    targets,
-    task_table,
-    zero_shot,
-)
+from vtlib.experiments import run
+from vtlib.experiments.run import chosen_sources, head, prepare, run_batch, targets
 from vtlib.rng import Rng
 
 # float32 sums round differently in batches of another size.
@@ -71,7 +61,7 @@ def test_weights_that_are_not_the_pools_are_refused(shared, wrong):
 
 @pytest.mark.parametrize("label", ["NT", "DDQN", "GVT", "2-MGVT"])
 def test_a_batch_records_its_runs_whatever_runs_beside_them(tiny, weights, label):
-    told: list[int] = []
+    told = []
     arrays = run_batch(tiny, label, [0, 2], weights[:3], lambda t: told.append(t) or True)
     times = list(range(20, 221, 20))
     assert list(arrays["iterations"]) == told == times
@@ -83,33 +73,10 @@ def test_a_batch_records_its_runs_whatever_runs_beside_them(tiny, weights, label
     np.testing.assert_allclose(alone[0, :2], prints[1, :2], **ROUNDING)
 
 
-def test_fewer_sources_lead_elsewhere_and_the_rest_is_the_same(shared, weights):
-    few, every = (head(shared, label, [0, 1], weights) for label in ("few", "all"))
-    assert not np.array_equal(few, every)
-    # told to use all of them, the same label leaves the same course
-    told = head(evolve(shared, counts={"few": 8}), "few", [0, 1], weights)
-    np.testing.assert_array_equal(told, every)
-
-
-@pytest.mark.parametrize("start", ["one", "mean"])
-def test_fine_tuning_begins_with_each_runs_sources(tiny, weights, start):
-    tuned = evolve(tiny, algorithms={"tuned": FineTuning(tiny.algorithms["DDQN"], start)})
-    given = weights[:3][chosen_sources(tuned, [0, 2])]
-    expected = given[:, 0] if start == "one" else given.mean(1)
-    agent = prepare(tuned, "tuned", [0, 2], weights[:3]).agent
-    np.testing.assert_allclose(agent.mu[:, 0], expected, rtol=1e-6)
-
-
-def pushing(action: int, sure: float) -> np.ndarray:
-    """Weights of a cartpole's Q-function that has one value for an action and none for another."""
-    w = np.zeros(226, dtype=np.float32)
-    w[226 - 2 + action] = sure
-    return w
-
-
 def test_the_greedy_return_of_a_mixture_is_of_its_mean_or_of_each_component(tiny):
     # one component falls to the left, the other to the right, and so does their mean
-    pool, pair = np.stack([pushing(0, 1.0), pushing(1, 2.0)]), evolve(tiny.pool, count=2)
+    pool, pair = np.zeros((2, 226), dtype=np.float32), evolve(tiny.pool, count=2)
+    pool[:, -2:] = [[1.0, 0.0], [0.0, 2.0]]
     either = [evolve(tiny, each=each, pool=pair, iterations=20) for each in (False, True)]
     mean, each = (run_batch(one, "2-MGVT", [0, 2], pool) for one in either)
     for key in mean:
@@ -119,32 +86,18 @@ def test_the_greedy_return_of_a_mixture_is_of_its_mean_or_of_each_component(tiny
     )
 
 
-def test_sources_that_complete_each_other_earn_more_together_than_either(tiny):
-    # each sees a pole that falls to its own side, and else nothing; together they balance it
-    falls = np.zeros((3, 226), dtype=np.float32)
-    for source, side in enumerate((-1.0, 1.0, -1.0)):
-        hidden = falls[source, : 5 * 32].reshape(-1)
-        hidden[[2, 3]] = 10 * side, 5 * side  # angle and its velocity, into the first unit
-        falls[source, 5 * 32 + 32 * (side > 0)] = 1.0
-        falls[source, 225] = 1e-3 * (side > 0)  # what either does where it sees nothing
-    pair = evolve(tiny, pool=evolve(tiny.pool, count=2))
-    together = zero_shot(pair, falls[:2])
-    alone = [zero_shot(evolve(pair, sources=1, excluded=(i,)), falls[:2]) for i in (0, 1)]
-    assert (together > 5 + np.max(alone, 0)).all()
-
-
 def test_what_sources_earn_at_once_is_by_the_surest_of_a_runs_own(tiny):
     # the mean of any two would push to the right
     pool = np.zeros((3, 226), dtype=np.float32)
     pool[:, -2:] = [[1.0, 0.9], [0.0, 0.95], [0.2, 0.97]]
-    found, runs = zero_shot(tiny, pool, episodes=30), range(tiny.runs)
+    found, runs = run.zero_shot(tiny, pool, episodes=30), range(tiny.runs)
     surest = [max(row, key=lambda x: pool[x].max()) for row in chosen_sources(tiny, runs)]
     rng = Rng(f"{tiny.stream} zero-shot", runs)
     evaluate = Evaluation(tiny.family.q(), targets(tiny, runs), rng, 30)
     expected = evaluate(torch.from_numpy(pool[surest])[:, None])
     np.testing.assert_allclose(found, expected, rtol=1e-6)
     with pytest.raises(ValueError, match="weights of tiny-pool must"):
-        zero_shot(tiny, pool[:2])
+        run.zero_shot(tiny, pool[:2])
 
 
 def test_visits_are_kept_where_they_are_asked_for_and_disturb_nothing(tiny, weights):
@@ -176,7 +129,7 @@ def test_the_table_plans_each_task_once_and_repeats_its_optimum(shared, monkeypa
         return tasks.cart_mass + 1
 
     monkeypatch.setattr(type(shared.family), "optimum", plan)
-    table = task_table(shared)
+    table = run.task_table(shared)
     np.testing.assert_array_equal(table["cart_mass"], targets(shared, range(6)).cart_mass)
     np.testing.assert_array_equal(table["sources"], chosen_sources(shared, range(6)))
     np.testing.assert_array_equal(table["optimum"], table["cart_mass"] + 1)

@@ -1,7 +1,5 @@
 """Whole runs computed anew: every number that could be forged, and faults that show late."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from attrs import evolve
@@ -23,18 +21,36 @@ KINDS = {
 }
 
 
-def elsewhere(monkeypatch) -> None:
-    """Let this be a processor of another kind, whose kernels are not the widest."""
-    monkeypatch.setattr(store, "machine", lambda *_: {"processor": "another"})
-    monkeypatch.setattr(native, "level", lambda: "baseline")
+@pytest.fixture(scope="module")
+def anew(tiny, computed):
+    """Every result computed anew, once for all tests of what is stored."""
+    given = store.weights(tiny.pool, computed)
+    return {label: whole._computed(o, label, EVERY, given) for o, label in store.results_of(tiny)}
 
 
-def test_every_result_is_what_is_stored(tiny, stored):
+@pytest.fixture
+def checked(tiny, stored, rewrite, anew, monkeypatch):
+    """What is wrong in all that is stored of a result, and in its heads, after some changes."""
+    monkeypatch.setattr(whole, "_computed", lambda _, label, *__: anew[label])
+
+    def check(label, **changes):
+        owner = tiny.pool if label == "sources" else tiny
+        rewrite(f"{owner.name}/{label}", **changes)
+        found = check_runs(owner, label, root=stored)
+        assert not found.parted
+        return found.wrong, check_heads(owner, label, stored).wrong
+
+    return check
+
+
+def test_every_result_is_what_is_stored(tiny, stored, anew, monkeypatch):
+    monkeypatch.setattr(whole, "_computed", lambda _, label, *__: anew[label])
     found = {f"{o.name}/{label}": x for o, label, x in verify(tiny, tiny, root=stored)}
     own = [f"tiny/{label}" for label in ("tasks", *tiny.algorithms)]
     assert list(found) == ["tiny-pool/sources", *own]
     assert all(x == Whole(EVERY, {}, {}) for x in found.values())
-    drawn = [x.alike for *_, x in verify(tiny, root=stored, rng=np.random.default_rng(3))]
+    monkeypatch.setattr(whole, "check_runs", lambda *given: given[2])
+    drawn = [members for *_, members in verify(tiny, rng=np.random.default_rng(3))]
     assert {len(one) for one in drawn} == {1}
     assert len({*map(tuple, drawn)}) > 1
 
@@ -42,55 +58,34 @@ def test_every_result_is_what_is_stored(tiny, stored):
 @pytest.mark.parametrize(
     ("name", "key"), [(name, key) for name, keys in KINDS.items() for key in keys.split()]
 )
-def test_a_forged_number_is_named(tiny, stored, rewrite, name, key):
+def test_a_forged_number_is_named(stored, checked, name, key):
     label, forged = name.split("/")[1], store.read(stored / name)[0][key]
     shared = (label, key) == ("GVT", "iterations")
     last = (forged if shared else forged[1:2]).reshape(-1)[-1:]
     last += np.asarray(1 if last.dtype.kind in "ib" else 0.1, last.dtype)
-    rewrite(name, **{key: forged})
-    owner = tiny.pool if label == "sources" else tiny
-    found = check_runs(owner, label, root=stored)
-    assert list(found.wrong) == (EVERY if shared else [1])
-    assert found.wrong[1].startswith(key)
-    assert " is " in found.wrong[1]
-    in_heads = label == "tasks" or key == "fingerprints"
-    assert list(check_heads(owner, label, stored).wrong) == ([1] if in_heads else [])
-
-
-@pytest.mark.parametrize("key", ["learning", "greedy"])
-@pytest.mark.parametrize("label", ["GVT", "DDQN"])
-def test_a_forged_curve_is_named_on_another_processor_too(
-    tiny, stored, rewrite, label, key, monkeypatch
-):
-    rewrite(f"tiny/{label}", **{key: np.full((3, 11), 0.95, np.float32)})
-    elsewhere(monkeypatch)
-    found = check_runs(tiny, label, root=stored)
-    assert list(found.wrong) == EVERY
-    assert not found.parted
-    assert found.wrong[0].startswith(f"{key} at iteration 20 is 0.95")
+    wrong, of_heads = checked(label, **{key: forged})
+    assert list(wrong) == (EVERY if shared else [1])
+    assert wrong[1].startswith(key)
+    assert " is " in wrong[1]
+    assert list(of_heads) == ([1] if label == "tasks" or key == "fingerprints" else [])
 
 
 @pytest.mark.parametrize(
-    ("label", "changes", "said"),
+    ("key", "wrong", "said"),
     [
-        ("GVT", {"fingerprints": None}, "fingerprints is missing, anew there"),
-        ("GVT", {"fingerprint": np.zeros(3)}, "fingerprint is there, anew missing"),
-        *(
-            (label, {key: wrong}, f"{key} is {wrong.dtype}{wrong.shape}, anew float")
-            for label, key in (("GVT", "fingerprints"), ("tasks", "optimum"))
-            for wrong in map(np.array, (np.zeros(0), 0.0, np.zeros((1, 3, 4)), ["x"] * 3))
-        ),
+        ("fingerprints", None, "missing, anew there"),
+        ("fingerprint", np.zeros(3), "there, anew missing"),
+        ("fingerprints", np.zeros(0), "float64(0,), anew float"),
+        ("fingerprints", np.array(0.0), "float64(), anew float"),
+        ("fingerprints", np.zeros((1, 3, 4)), "float64(1, 3, 4), anew float"),
+        ("fingerprints", np.array(["x"] * 3), "<U1(3,), anew float"),
     ],
 )
-def test_arrays_that_lack_or_have_another_shape_are_named(
-    tiny, stored, rewrite, label, changes, said
-):
-    rewrite(f"tiny/{label}", **changes)
-    found = check_runs(tiny, label, root=stored).wrong
+def test_arrays_that_lack_or_have_another_shape_are_named(checked, key, wrong, said):
+    found, of_heads = checked("GVT", **{key: wrong})
     assert list(found) == EVERY
-    assert all(what.startswith(said) for what in found.values())
-    heads = [] if "fingerprint" in changes else EVERY
-    assert list(check_heads(tiny, label, stored).wrong) == heads
+    assert all(what.startswith(f"{key} is {said}") for what in found.values())
+    assert list(of_heads) == ([] if key == "fingerprint" else EVERY)
 
 
 def test_a_fault_that_shows_late_is_named(tiny, stored, monkeypatch):
@@ -104,27 +99,20 @@ def test_a_fault_that_shows_late_is_named(tiny, stored, monkeypatch):
     monkeypatch.setattr(baselines.DDQN, "learn", late)
     assert not check_heads(tiny, "DDQN", stored).wrong
     calls = iter(range(10**6))
-    found = check_runs(tiny, "DDQN", [0, 1], stored).wrong  # one batch
-    assert found
-    assert all("at iteration 220" in what for what in found.values())
+    assert "at iteration 220" in check_runs(tiny, "DDQN", [0], stored).wrong[0]
 
 
 def test_another_evaluation_is_named(tiny, stored, monkeypatch):
     monkeypatch.setattr(run, "EVALUATION_EPISODES", 11)
     for label in ("GVT", "DDQN"):
-        wrong = check_runs(tiny, label, root=stored).wrong
-        assert wrong
-        assert all(what.startswith("greedy") for what in wrong.values())
+        assert check_runs(tiny, label, [0], stored).wrong[0].startswith("greedy")
 
 
 @pytest.mark.parametrize("member", [3, -1, 1.0, None, True])
-def test_members_that_are_not_there_are_refused(tiny, stored, member):
-    for check in (
-        lambda: check_runs(tiny, "GVT", [member], stored),
-        lambda: check_heads(tiny, "GVT", stored, [member]),
-    ):
+def test_members_that_are_not_there_are_refused(tiny, computed, member):
+    for check, *given in ((check_runs, [member], computed), (check_heads, computed, [member])):
         with pytest.raises(ValueError, match="member must be a whole number from 0 to 2, got"):
-            check()
+            check(tiny, "GVT", *given)
 
 
 # --- what rounding may do ------------------------------------------------------------------------
@@ -187,18 +175,17 @@ def test_parted_sources_must_earn_what_is_stored_of_their_weights(
     tiny, stored, rewrite, monkeypatch
 ):
     """Solved otherwise they may be, but not with weights that do not earn it."""
-    real = sources.solve
+    pool, arrays = tiny.pool, store.read(stored / "tiny-pool/sources")[0]
 
-    def otherwise(*arguments):
-        found = real(*arguments)
+    def otherwise(_, members, *__):
+        found = {key: array[list(members)] for key, array in arrays.items()}
         return {**found, "weights": found["weights"] + 1, "greedy": found["greedy"] - 1}
 
     monkeypatch.setattr(sources, "solve", otherwise)
-    pool = tiny.pool
     assert list(check_runs(pool, "sources", EVERY, stored).wrong) == EVERY
-    elsewhere(monkeypatch)
+    monkeypatch.setattr(store, "machine", lambda *_: {"processor": "another"})
     assert check_runs(pool, "sources", EVERY, stored).parted == dict.fromkeys(EVERY, 199)
-    rewrite("tiny-pool/sources", fresh=store.read(stored / "tiny-pool/sources")[0]["fresh"] + EVERY)
+    rewrite("tiny-pool/sources", fresh=arrays["fresh"] + EVERY)
     found = check_runs(pool, "sources", EVERY, stored)
     assert (list(found.parted), list(found.wrong)) == ([0], [1, 2])
 
@@ -218,4 +205,5 @@ def test_runs_of_the_engine_are_computed_in_the_batches_of_the_store(tiny, monke
         assert found["run"].tolist() == [1, 2]
         assert len(found["iterations"]) == 1
         asked.clear()
+    # as they are where visits are asked for
     assert not whole.by_kernels(evolve(tiny, visits=True), "GVT")
