@@ -9,6 +9,7 @@ from vtbook.experiments.protocols import (
     Protocols,
     as_published,
     fine_tuning,
+    one_at_a_time,
     transfer,
 )
 from vtlib.baselines import DDQNSettings, MellowTDSettings
@@ -79,6 +80,20 @@ CAR_UNCHECKED = evolve(
     pool=evolve(CARS, name="mountain-car-sources-unchecked", limit=SOURCE_ITERATIONS),
     algorithms={"GVT": as_published(GVT)},
 )
+# From the published settings to those of the equations, one at a time, and the last reward alone.
+CAR_INGREDIENTS = evolve(
+    CAR.published,
+    name="mountain-car-ingredients",
+    algorithms=one_at_a_time(as_published(GVT), as_published(MGVT)),
+    iterations=20_000,
+)
+CAR_LAST_REWARD = evolve(
+    CAR.equations,
+    name="mountain-car-last-reward",
+    algorithms={"GVT": as_published(GVT), "1-MGVT": as_published(MGVT)},
+    iterations=20_000,
+    each=True,
+)
 CAR_LAMBDAS = slider_lambdas(MGVT)[::2]  # fewer than elsewhere: these are the longest runs
 CAR_SLIDERS = sliders_of(CAR.published, "mountain-car-sliders", 10, 2_000, CAR_LAMBDAS)
 
@@ -87,5 +102,7 @@ EXPERIMENTS = (
     CAR_NOTHING,
     CAR_STEPS,
     CAR_UNCHECKED,
+    CAR_INGREDIENTS,
+    CAR_LAST_REWARD,
     CAR_SLIDERS,
 )
