@@ -1,7 +1,5 @@
 """The built book: complete, linked, numbered, described in words, and light."""
 
-from __future__ import annotations
-
 import json
 import re
 import subprocess

@@ -4,10 +4,6 @@ Tensors that would lie on the device are marked, and what PyTorch refuses is ref
 on tensors of both sides, and NumPy's view of a tensor on the device.
 """
 
-from __future__ import annotations
-
-from typing import Any
-
 import pytest
 import torch
 from torch import Tensor
@@ -30,9 +26,7 @@ class Marked(Tensor):
 class PretendedCard(TorchFunctionMode):
     """PyTorch with a card that is none."""
 
-    def __torch_function__(
-        self, func: Any, types: Any, args: tuple[Any, ...] = (), kwargs: Any = None
-    ) -> Any:
+    def __torch_function__(self, func, types, args=(), kwargs=None):
         kwargs = dict(kwargs or {})
         if func == Tensor.device.__get__ and isinstance(args[0], Marked):
             return CARD
@@ -43,8 +37,7 @@ class PretendedCard(TorchFunctionMode):
         if func is Tensor.to and _means_card(args[1]):
             return args[0].as_subclass(Marked)
         if _means_card(kwargs.get("device")):
-            made: Tensor = func(*args, **{**kwargs, "device": "cpu"})
-            return made.as_subclass(Marked)
+            return func(*args, **{**kwargs, "device": "cpu"}).as_subclass(Marked)
         # PyTorch takes numbers and indices of the processor on the card
         free = func in (Tensor.__getitem__, Tensor.__setitem__)
         tensors = [x for x in tree_leaves((args, kwargs)) if isinstance(x, Tensor)]

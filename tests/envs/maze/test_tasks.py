@@ -1,7 +1,5 @@
 """The maze dynamics by their properties, and the sensors against exact geometry in plain Python."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -26,8 +24,7 @@ seeds = st.integers(0, 2**32 - 1)
 def walled(count: int, *cells: tuple[int, int]) -> Mazes:
     """The same task many times: only some cells are walls, the goal is far away."""
     walls = torch.zeros(count, 10, 10, dtype=torch.bool)
-    for x, y in cells:
-        walls[:, x, y] = True
+    walls[:, *zip(*cells, strict=True)] = True
     return Mazes(walls, torch.full((count, 2), 9))
 
 
@@ -172,12 +169,11 @@ def test_no_ray_passes_between_walls_that_touch_at_a_corner(side: int) -> None:
 
 def test_starts_are_uniform_over_free_cells_positions_and_headings() -> None:
     maze, count = library()["north-west 8"], 60_000
-    u = np.random.default_rng(0).random((count, 4), np.float32)
-    u[0] = np.nextafter(np.float32(1), np.float32(0))  # the largest there is
-    start = Mazes.of([maze]).select([0] * count).start(torch.tensor(u))
-    cells = start[:, :2].floor().long()
-    hits = np.zeros((10, 10), dtype=int)
-    np.add.at(hits, tuple(cells.numpy().T), 1)
+    u = torch.rand(count, 4, generator=torch.Generator().manual_seed(0))
+    u[0] = torch.tensor(1.0).nextafter(torch.tensor(0.0))  # the largest there is
+    start = Mazes.of([maze]).select([0] * count).start(u)
+    cells = start[:, :2].floor()
+    hits = np.histogram2d(*cells.numpy().T, bins=range(11))[0]
     free = ~maze.walls
     free[maze.goal] = False
     assert ((hits > 0) == free).all()

@@ -1,7 +1,5 @@
 """The rooms dynamics by their properties, against plain geometry in float64."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import torch
@@ -45,9 +43,7 @@ def outside_doors(start: np.ndarray, end: np.ndarray, tasks: Rooms, row: int) ->
 
 
 @settings(max_examples=40, deadline=None)
-@given(
-    st.integers(0, 2**32 - 1), st.sampled_from([2, 3]), st.sampled_from([0, 1, 20]), st.booleans()
-)
+@given(st.integers(0, 2**32 - 1), st.integers(2, 3), st.sampled_from([0, 1, 20]), st.booleans())
 def test_a_step_is_that_of_plain_geometry(seed: int, rooms: int, scale: int, stops: bool) -> None:
     rng = np.random.default_rng(seed)
     tasks, state = scene(rng, rooms, stops)
@@ -114,35 +110,26 @@ def test_starts_observations_and_rooms_which_are_counted_from_the_bottom() -> No
     assert DOORS.room(torch.stack([torch.ones(5), heights], 1)).tolist() == [0, 0, 1, 2, 2]
 
 
-def test_a_ladder_has_the_targets_doors_go_through_its_places_and_sources_drawn() -> None:
-    family = RoomsFamily(2, ladder=19)
-    tasks = family.draw_tasks("t", [0, 1, 18, 19, 25])
-    np.testing.assert_allclose(tasks.doors[:, 0], [0.5, 1.0, 9.5, 0.5, 3.5], rtol=1e-6)
+@pytest.mark.parametrize("ladder", [0, 19])
+@pytest.mark.parametrize("stops", [False, True])
+def test_a_ladder_has_the_targets_doors_go_through_its_places_and_sources_drawn(ladder, stops):
+    family, runs = RoomsFamily(2, ladder=ladder, stops=stops), [0, 1, 18, 19, 25]
+    tasks, sources = family.draw_tasks("t", runs), family.source_tasks("t", runs)
+    spread = family.for_sources(tasks)
+    assert [some.stops for some in (tasks, sources, spread)] == [stops] * 3
+    assert spread.uniform_start
+    drawn = RoomsFamily(2).draw_tasks("t", runs).doors
+    places = torch.tensor([[0.5], [1.0], [9.5], [0.5], [3.5]]) if ladder else drawn
+    for ours, expected in ((tasks, places), (spread, places), (sources, drawn)):
+        torch.testing.assert_close(ours.doors, expected, rtol=1e-6, atol=0)
+    assert family.kernel_parameters(tasks, 1) == [*[tasks.doors[1].item()] * 2, 1, False, stops]
     both = RoomsFamily(3, ladder=3).draw_tasks("t", [1, 2])
     assert both.doors.tolist() == [[5.0, 5.0], [9.5, 9.5]]
-    drawn = family.source_tasks("t", range(3)).doors
-    assert torch.equal(drawn, RoomsFamily(2).draw_tasks("t", range(3)).doors)
-
-
-@pytest.mark.parametrize("ladder", [0, 3])
-def test_all_tasks_of_a_family_stop_and_its_sources_start_anywhere(ladder: int) -> None:
-    family = RoomsFamily(2, ladder=ladder, stops=True)
-    tasks, sources = family.draw_tasks("t", range(3)), family.source_tasks("t", range(3))
-    spread = family.for_sources(tasks)
-    assert all(some.stops for some in (tasks, sources, spread))
-    assert spread.uniform_start
-    assert torch.equal(spread.doors, tasks.doors)
-    free = RoomsFamily(2, ladder=ladder).draw_tasks("t", range(3))
-    assert torch.equal(free.doors, tasks.doors)
-    assert family.kernel_parameters(tasks, 1) == [*[tasks.doors[1].item()] * 2, 1, False, True]
 
 
 def test_only_tasks_that_have_all_else_in_common_join() -> None:
-    others = {
-        "stops": evolve(DOORS, stops=True),
-        "uniform_start": evolve(DOORS, uniform_start=True),
-        "walls": Rooms.from_doors([[1.0]]),
-    }
+    stopping, anywhere = evolve(DOORS, stops=True), evolve(DOORS, uniform_start=True)
+    others = {"stops": stopping, "uniform_start": anywhere, "walls": Rooms.from_doors([[1.0]])}
     for name, other in others.items():
         with pytest.raises(ValueError, match=f"must have the same {name}"):
             RoomsFamily().join([DOORS, other])
@@ -161,7 +148,7 @@ def test_the_other_families() -> None:
     assert (bell.min(), bell.max()) == (0.5, 9.5)
 
 
-FIVES = torch.full((1, 2), 5.0)
+FIVES, ONE = torch.full((1, 2), 5.0), r"float32 of shape \(R, 1\), one per"
 
 
 @pytest.mark.parametrize(
@@ -171,14 +158,10 @@ FIVES = torch.full((1, 2), 5.0)
         (Rooms.from_doors, {"doors": [5.0, np.nan]}, r"doors must lie in \[0.5, 9.5\], got nan"),
         (Rooms.from_doors, {"doors": 5.0}, r"doors must have shape \(R, W\) or \(W,\), got \(\)"),
         (Rooms.from_doors, {"doors": np.full((2, 0), 5.0)}, "doors must have shape"),
-        *(
-            (Rooms, {"doors": doors, "walls": even_walls(1)}, r"float32 of shape \(R, 1\), one per")
-            for doors in (FIVES, FIVES[:, :1].double())
-        ),
-        *(
-            (Rooms, {"doors": FIVES[:, : len(walls)], "walls": torch.tensor(walls)}, "increasing")
-            for walls in ([5.0, 4.0], [0.0, 5.0], [5.0, 10.0], [5.0, np.nan], [])
-        ),
+        (Rooms, {"doors": FIVES, "walls": even_walls(1)}, ONE),
+        (Rooms, {"doors": FIVES[:, :1].double(), "walls": even_walls(1)}, ONE),
+        *((Rooms, {"doors": FIVES[:, : len(x)], "walls": torch.tensor(x)}, "increasing")
+          for x in ([5.0, 4.0], [0.0, 5.0], [5.0, 10.0], [5.0, np.nan], [])),
         (RoomsFamily, {"rooms": 4}, "rooms must be a whole number from 2 to 3, got 4"),
         (RoomsFamily, {"fixed_lower": 0.0}, "fixed_lower must lie in"),
         (RoomsFamily, {"fixed_lower": np.nan}, "fixed_lower must lie in"),
@@ -187,7 +170,7 @@ FIVES = torch.full((1, 2), 5.0)
         (RoomsFamily, {"ladder": -1}, "ladder must be a whole number from 0"),
         (RoomsFamily, {"stops": 1}, "stops must be of type bool"),
     ],
-)
+)  # fmt: skip
 def test_wrong_values_are_refused(make, arguments, message: str) -> None:
     with pytest.raises(ValueError, match=message):
         make(**arguments)
