@@ -5,10 +5,8 @@ import torch
 from torch import Tensor
 
 from vtlib.algorithm1 import algorithm1
-from vtlib.envs.cartpole import CartpoleFamily
+from vtlib.envs import CartpoleFamily, MazeFamily, RoomsFamily
 from vtlib.envs.episodes import Episodes
-from vtlib.envs.maze import MazeFamily
-from vtlib.envs.rooms import RoomsFamily
 from vtlib.qfunctions import MLP, RBFLinear
 from vtlib.rng import Rng
 from vtlib.training import iterate

@@ -17,6 +17,7 @@ from vtlib.rng import Rng
 from vtlib.transfer import Settings
 
 CARD = torch.device("cuda", 0)
+CARDS = ("cuda", torch.device("cuda"), CARD)
 
 
 class Marked(Tensor):
@@ -34,9 +35,9 @@ class PretendedCard(TorchFunctionMode):
             return args[0].as_subclass(Tensor)
         if func is Tensor.numpy and isinstance(args[0], Marked):
             raise TypeError("a tensor on the card has no numpy array")
-        if func is Tensor.to and _means_card(args[1]):
+        if func is Tensor.to and args[1] in CARDS:
             return args[0].as_subclass(Marked)
-        if _means_card(kwargs.get("device")):
+        if kwargs.get("device") in CARDS:
             return func(*args, **{**kwargs, "device": "cpu"}).as_subclass(Marked)
         # PyTorch takes numbers and indices of the processor on the card
         free = func in (Tensor.__getitem__, Tensor.__setitem__)
@@ -47,10 +48,6 @@ class PretendedCard(TorchFunctionMode):
         return func(*args, **kwargs)
 
 
-def _means_card(device: object) -> bool:
-    return isinstance(device, str | torch.device) and torch.device(device).type == "cuda"
-
-
 def course(q: QFunction, settings: Settings, device: str) -> list[Tensor]:
     """Means, factors and actions of two runs whose gradients are large now and then."""
     g = torch.Generator().manual_seed(0)
@@ -59,7 +56,7 @@ def course(q: QFunction, settings: Settings, device: str) -> list[Tensor]:
     taken, flags = [], torch.tensor([True, False])
     for t in range(20):
         taken.append(agent.act(obs[t], flags))
-        reward = torch.tensor([1e5, 1.0]) if t % 7 == 6 else torch.ones(2)
+        reward = torch.tensor([1e5 if t % 7 == 6 else 1.0, 1.0])
         agent.learn(Transition(obs[t], taken[-1], reward, obs[t + 1], flags))
     return [agent.mu.detach().cpu(), agent.scale_tril.cpu(), torch.stack(taken)]
 

@@ -5,9 +5,7 @@ import pytest
 import torch
 from torch import Tensor
 
-from vtlib.envs.base import Tasks
-from vtlib.envs.cartpole import CartpoleFamily
-from vtlib.envs.rooms import Rooms, RoomsFamily
+from vtlib.envs import CartpoleFamily, Rooms, RoomsFamily
 from vtlib.evaluation import Evaluation
 from vtlib.qfunctions import MLP, QFunction
 from vtlib.rng import Rng
@@ -29,7 +27,7 @@ def weights(q: QFunction, components: int = 1) -> Tensor:
     return w
 
 
-def played(q: QFunction, w: Tensor, over: str, task: Tasks, u: Tensor, noise: Tensor) -> float:
+def played(q, w, over, task, u, noise) -> float:
     """The return of one episode with weights w (C, d), step by step."""
     state, total = task.start(u), 0.0
     for t in range(task.horizon):

@@ -16,9 +16,6 @@ FAMILIES = {
 every_family = pytest.mark.parametrize("family", FAMILIES.values(), ids=FAMILIES)
 
 
-# --- tasks ------------------------------------------------------------------------------------
-
-
 @every_family
 def test_a_row_does_not_feel_its_neighbours_and_no_argument_changes(family):
     count, rng = 99, np.random.default_rng(0)
@@ -72,16 +69,13 @@ def test_select_takes_and_repeats_tasks_and_join_appends_them(family):
         family.sample(np.random.default_rng(0), 0)
 
 
-def test_numbers_and_vectors_of_one_number_per_task_make_a_batch():
+def test_tasks_are_of_numbers_or_vectors_of_positive_finite_numbers_one_per_task():
     tasks = envs.Cartpole.of(3, cart_mass=1.0, pole_mass=[0.1, 0.2, 0.3], half_length=np.ones(3))
     assert tasks.cart_mass.tolist() == [1.0] * 3
     assert torch.equal(tasks.pole_mass, torch.tensor([0.1, 0.2, 0.3]))
     for speed in ([0.001], [0.001] * 3, [[0.001] * 2]):
         with pytest.raises(ValueError, match=r"speed must be a number or have shape \(2,\), got"):
             envs.MountainCar.of(2, speed=speed)
-
-
-def test_parameters_are_positive_finite_vectors_of_one_length():
     ones = torch.ones(2)
     for value in (0.0, -1.0, float("nan"), float("inf")):
         with pytest.raises(
@@ -93,9 +87,6 @@ def test_parameters_are_positive_finite_vectors_of_one_length():
             ValueError, match="parameters must be float32 vectors of one length, got"
         ):
             envs.Cartpole(ones, wrong, ones)
-
-
-# --- families ---------------------------------------------------------------------------------
 
 
 @every_family

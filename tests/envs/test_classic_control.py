@@ -41,9 +41,6 @@ def cars(rng: np.random.Generator) -> Tensor:
     return torch.tensor(state, dtype=torch.float32)
 
 
-# --- cartpole ---------------------------------------------------------------------------------
-
-
 @seeds
 @few
 def test_a_transition_of_a_cartpole_is_gymnasiums(seed):
@@ -64,17 +61,20 @@ def test_a_transition_of_a_cartpole_is_gymnasiums(seed):
             assert bool(terminated[row]) == ends
 
 
-def test_starts_lie_in_a_small_box_and_a_fallen_pole_stays_finite_when_stepped_on() -> None:
+def test_poles_start_in_a_small_box_and_cars_at_rest_left_of_zero():
+    start = MountainCar.of(2, speed=0.001).start(torch.tensor([[0.0], [1.0]]))
+    torch.testing.assert_close(start, torch.tensor([[-0.9, 0.0], [0.0, 0.0]]))
     tasks = CartpoleFamily().sample(np.random.default_rng(0), COUNT)
     u = torch.rand(COUNT, 4, generator=torch.Generator().manual_seed(0))
     state = tasks.start(u)
     torch.testing.assert_close(state, (u - 0.5) / 10)
+    # also a fallen pole stays finite
     for _ in range(tasks.horizon):
         state, _, _ = tasks.step(state, torch.ones(COUNT, dtype=torch.int64), NONE)
     assert state.isfinite().all()
 
 
-def test_the_best_return_is_that_of_a_hundred_steps_and_whole_episodes_balance() -> None:
+def test_the_best_return_is_that_of_a_hundred_steps_and_whole_episodes_balance():
     tasks = CartpoleFamily().sample(np.random.default_rng(0), 2)
     expected = sum(0.99**t for t in range(100))
     np.testing.assert_allclose(CartpoleFamily().optimum(tasks), expected, rtol=1e-6)
@@ -82,9 +82,6 @@ def test_the_best_return_is_that_of_a_hundred_steps_and_whole_episodes_balance()
     returns[0, :5] = 10.0
     returns[1, :6] = 59.9
     assert CartpoleFamily().solved(returns, torch.full((2,), 60.0), 0.95).tolist() == [True, False]
-
-
-# --- mountain car -----------------------------------------------------------------------------
 
 
 @seeds
@@ -108,11 +105,6 @@ def test_a_transition_of_a_car_is_gymnasiums(seed):
         assert reward[row] == (last if terminated[row] else -1)
     # Not minus zero: a stored reward would print as such.
     assert torch.equal(reward.signbit(), reward < 0)
-
-
-def test_cars_start_at_rest_left_of_zero() -> None:
-    start = MountainCar.of(2, speed=0.001).start(torch.tensor([[0.0], [1.0]]))
-    torch.testing.assert_close(start, torch.tensor([[-0.9, 0.0], [0.0, 0.0]]))
 
 
 def test_the_last_reward_is_a_cost_of_one_step_told_to_the_kernel_and_alike_where_tasks_join():

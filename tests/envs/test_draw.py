@@ -31,7 +31,7 @@ def drawn(draw, *arguments) -> Axes:
     return ax
 
 
-def test_the_drawing_of_rooms_leaves_the_doors_open() -> None:
+def test_the_drawing_of_rooms_leaves_the_doors_open():
     ax = drawn(draw_rooms, Rooms.from_doors([[5.0, 5.0], [2.0, 7.0]]), 1)
     walls = [line.get_xydata().tolist() for line in ax.lines if len(line.get_xdata()) == 2]
     gaps = [(left[1][0], right[0][0]) for left, right in zip(walls[::2], walls[1::2], strict=True)]
@@ -39,7 +39,7 @@ def test_the_drawing_of_rooms_leaves_the_doors_open() -> None:
 
 
 @pytest.mark.parametrize(("half", "angle"), [(0.2, 0.2), (1.0, 0.03)])
-def test_a_pole_has_its_length_and_angle_and_is_seen_whole(half: float, angle: float) -> None:
+def test_a_pole_has_its_length_and_angle_and_is_seen_whole(half, angle):
     poles = Cartpole.of(2, cart_mass=1.0, pole_mass=0.1, half_length=[0.5, half])
     ax = drawn(draw_cartpole, poles, 1, [-1.0, 0, angle, 0])
     (pole,) = [line for line in ax.lines if line.get_color() == POLE]
@@ -50,7 +50,7 @@ def test_a_pole_has_its_length_and_angle_and_is_seen_whole(half: float, angle: f
 
 
 @pytest.mark.parametrize("position", [-1.2, -0.5, 0.55])
-def test_the_car_stands_on_the_hill(position: float) -> None:
+def test_the_car_stands_on_the_hill(position):
     ax = drawn(draw_mountain_car, MountainCar.of(1, speed=0.001), 0, [position, 0])
     (hill,) = [line for line in ax.lines if len(line.get_xdata()) > 2]
     (body,) = [p for p in ax.patches if p.get_facecolor()[:3] == to_rgb(BODY)]
@@ -59,7 +59,7 @@ def test_the_car_stands_on_the_hill(position: float) -> None:
     assert np.hypot(*(centre - [position, np.interp(position, *hill.get_xydata().T)])) < 0.1
 
 
-def test_cells_are_drawn_where_they_are_and_without_seams() -> None:
+def test_cells_are_drawn_where_they_are_and_without_seams():
     ax = drawn(draw_maze, MAZES, 1)
     picture = np.asarray(ax.figure.canvas.buffer_rgba())[..., :3].astype(int)
     # Middles of the cells, [x, y] from bottom left.
@@ -72,7 +72,7 @@ def test_cells_are_drawn_where_they_are_and_without_seams() -> None:
     assert (np.ptp(picture[260, 6:114], axis=0) == 0).all()
 
 
-def test_the_robot_stands_in_its_place_and_its_rays_end_where_they_read() -> None:
+def test_the_robot_stands_in_its_place_and_its_rays_end_where_they_read():
     state = [0.5, 2.5, -math.pi / 2]
     ax = drawn(draw_maze, MAZES, 1, state)
     (robot,) = [patch for patch in ax.patches if isinstance(patch, Circle)]

@@ -89,9 +89,6 @@ def test_runs_that_are_kept_go_on_as_before():
     assert torch.equal(part.returns.mean(), whole.returns.mean()[[2, 0]])
 
 
-# --- ordinary Gymnasium environments -----------------------------------------------------------
-
-
 def test_gym_episodes_equal_a_loop_over_each_environment():
     envs = [gymnasium.make("CartPole-v1", max_episode_steps=25) for _ in range(3)]
     lock, env = GymEpisodes(envs[:2], seeds=[5, 6], gamma=0.9), envs[2]

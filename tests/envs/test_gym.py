@@ -44,7 +44,7 @@ def some_skill(name: str, seen: np.ndarray, whim: float) -> np.ndarray:
 
 
 @every_env
-def test_it_is_registered_documented_and_passes_gymnasiums_check(name: str) -> None:
+def test_it_is_registered_documented_and_passes_gymnasiums_check(name):
     kind, horizon, *_ = CASES[name]
     made = gymnasium.make(f"vtlib/{name}-v0", render_mode="rgb_array")
     assert type(made.unwrapped) is kind
@@ -59,7 +59,7 @@ def test_it_is_registered_documented_and_passes_gymnasiums_check(name: str) -> N
 
 
 @every_env
-def test_a_row_of_make_vec_is_a_single_environment_of_that_seed(name: str) -> None:
+def test_a_row_of_make_vec_is_a_single_environment_of_that_seed(name):
     kind, most, _, arguments = CASES[name]
     arguments = {**arguments, "horizon": min(most, 60)}
     vector = gymnasium.make_vec(f"vtlib/{name}-v0", num_envs=3, **arguments)
@@ -87,7 +87,7 @@ def test_a_row_of_make_vec_is_a_single_environment_of_that_seed(name: str) -> No
 
 
 @every_env
-def test_a_rollout_is_the_dynamics_under_the_environments_own_noise(name: str) -> None:
+def test_a_rollout_is_the_dynamics_under_the_environments_own_noise(name):
     env = CASES[name][0](**CASES[name][3])
     first = env.reset(seed=2)[0]
     rng, tasks = np.random.default_rng(env.np_random.bit_generator.seed_seq), env.tasks
@@ -109,7 +109,7 @@ def test_the_defaults_are_gymnasiums_own():
 
 
 @every_env
-def test_an_episode_is_truncated_drawn_and_then_needs_a_reset(name: str) -> None:
+def test_an_episode_is_truncated_drawn_and_then_needs_a_reset(name):
     kind, _, shape, _ = CASES[name]
     env, count = kind(horizon=4, render_mode="rgb_array"), int(kind().action_space.n)
     assert kind().render() is None
@@ -140,12 +140,12 @@ def test_an_episode_is_truncated_drawn_and_then_needs_a_reset(name: str) -> None
         *((name, {"render_mode": "human"}, "render_mode must be None or") for name in CASES),
     ],
 )
-def test_bad_arguments(name: str, options: dict[str, Any], message: str) -> None:
+def test_bad_arguments(name, options, message):
     with pytest.raises(ValueError, match=message):
         CASES[name][0](**options)
 
 
-def test_the_guides_lines_train_a_learner_of_stable_baselines3() -> None:
+def test_the_guides_lines_train_a_learner_of_stable_baselines3():
     """Skipped but in an environment that tests/requirements-sb3.txt tells how to make."""
     pytest.importorskip("stable_baselines3")
     guide = Path(__file__).resolve().parents[2] / "book" / "guide.md"

@@ -1,5 +1,7 @@
 """Whole runs in C++ against the engine, number by number, and what the kernels leave to it."""
 
+from unittest.mock import Mock
+
 import numpy as np
 import pytest
 from attrs import evolve, frozen
@@ -8,11 +10,8 @@ from hypothesis import strategies as st
 
 from vtbook.experiments.protocols import as_published
 from vtlib.baselines import DDQNSettings, FineTuning, MellowTDSettings
-from vtlib.envs.cartpole import CartpoleFamily
+from vtlib.envs import CartpoleFamily, MazeFamily, MountainCarFamily, RoomsFamily
 from vtlib.envs.episodes import Episodes
-from vtlib.envs.maze import MazeFamily
-from vtlib.envs.mountain_car import MountainCarFamily
-from vtlib.envs.rooms import RoomsFamily
 from vtlib.native.runs import NativeRun, supports, train_natively
 from vtlib.rng import Rng
 from vtlib.training import Agent, Diverged, fingerprint, iterate
@@ -98,21 +97,20 @@ def test_any_configuration_that_is_taken_is_the_engines(family, algorithm, sourc
 
 
 def test_records_progress_and_divergence_are_those_of_the_engines_loop():
-    told, names = [], ["a", "b"]
-    runs = [both(ROOMS, LEARNER, run)[0] for run in (3, 4)]
-
-    def go_on(t: int) -> bool:
-        told.append(t)
-        return t < 60
-
-    stop = train_natively(runs, lambda mu: mu.sum((1, 2)), 100, 20, names, go_on)
-    assert told == stop.iterations.tolist() == [20, 40, 60]
+    runs, go_on = (
+        [both(ROOMS, LEARNER, run)[0] for run in (3, 4)],
+        Mock(side_effect=lambda t: t < 60),
+    )
+    arguments = runs, lambda mu: mu.sum((1, 2)), 100, 20, ["a", "b"]
+    stop = train_natively(*arguments, go_on)
+    assert [told.args for told in go_on.call_args_list] == [(20,), (40,), (60,)]
+    assert stop.iterations.tolist() == [20, 40, 60]
     assert stop.learning.shape == stop.greedy.shape == (2, 3)
     assert stop.fingerprints.shape == (2, 2, 4)
     np.testing.assert_allclose(stop.greedy[:, -1], [run.mu.sum() for run in runs], rtol=1e-4)
     runs[1].mu[:] = np.nan
     with pytest.raises(Diverged, match="b diverged"):
-        train_natively(runs, lambda mu: mu.sum((1, 2)), 20, 20, names)
+        train_natively(*arguments)
 
 
 @frozen

@@ -1,7 +1,5 @@
 """Mazes as text: the twenty of the library, one's own, and what is said of a wrong one."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 import torch
@@ -32,7 +30,7 @@ def changed(row: int, text: str) -> str:
     return "\n".join(["mine", *rows])
 
 
-def test_the_library_holds_five_mazes_for_each_corner() -> None:
+def test_the_library_holds_five_mazes_for_each_corner():
     corners = [corner for corner in CORNERS for _ in range(5)]
     assert list(library()) == [f"{corner} {number}" for number, corner in enumerate(corners)]
     for name, maze in library().items():
@@ -42,7 +40,7 @@ def test_the_library_holds_five_mazes_for_each_corner() -> None:
     assert np.flatnonzero(named("north-east 0").walls[:, 8]).tolist() == [1]
 
 
-def test_ones_own_mazes_become_tasks_beside_the_librarys(tmp_path: Path) -> None:
+def test_ones_own_mazes_become_tasks_beside_the_librarys(tmp_path):
     path = tmp_path / "own.txt"
     second = changed(0, "G.........")
     path.write_text(f"; My mazes.\n\nfirst\n{DRAWING.strip()}\n  \n\n {second} \r\n; G below\n  \n")
@@ -76,7 +74,7 @@ def test_ones_own_mazes_become_tasks_beside_the_librarys(tmp_path: Path) -> None
         (f"a{DRAWING}\na{DRAWING}", "own.txt: two mazes are called a"),
     ],
 )
-def test_a_wrong_drawing_or_file_gets_one_line(tmp_path: Path, text: str, fault: str) -> None:
+def test_a_wrong_drawing_or_file_gets_one_line(tmp_path, text, fault):
     path = tmp_path / "own.txt"
     path.write_text(text)
     with pytest.raises(ValueError) as caught:
