@@ -4,11 +4,7 @@ What a check refuses is tested beside the checks, and what tasks, results and th
 refuse beside those.
 """
 
-from __future__ import annotations
-
 import math
-from collections.abc import Callable
-from typing import Any
 
 import attrs
 import pytest
@@ -33,23 +29,20 @@ COUNT = [*NO_NUMBER, 0, -1, 1.0, 2.5, LARGEST + 1]
 POSITIVE = [*NO_NUMBER, 0, 0.0, -1e-6, 1e-38]
 NEGATIVE = [*NO_NUMBER, -1e-6]
 SHARE = [*NO_NUMBER, -0.1, 1.1]
-BELOW_ONE = [*SHARE, 1]
 WORD = [None, 3, "", "exact ", "student", ["full"]]
-BAD = {
-    **dict.fromkeys(("components", "minibatch", "buffer", "n_samples", "heads"), COUNT),
-    **dict.fromkeys(("epsilon_steps", "target_every", "every", "recent"), COUNT),
-    **dict.fromkeys(("alpha", "alpha_mu", "alpha_L", "kappa", "bandwidth"), POSITIVE),
-    **dict.fromkeys(("sigma_p2", "sigma_min", "jitter", "h0", "noise"), POSITIVE),
-    **dict.fromkeys(("clip", "kl_clip"), POSITIVE[1:]),
-    **dict.fromkeys(("lambda_", "bias", "prior_scale"), NEGATIVE),
-    **dict.fromkeys(("psi", "epsilon_start", "epsilon_end"), SHARE),
-    **dict.fromkeys(("gamma", "beta1", "beta2"), BELOW_ONE),
-    **dict.fromkeys(("family", "init", "act", "covariance", "kl", "prior", "start"), WORD),
-    "responsibilities": WORD,
-    "patience": [*NO_NUMBER, -1, 0.0],
-    "ddof": [*NO_NUMBER, -1, 2, 0.5],
-    "learner": [*WORD, Settings()],
-}
+BY_KIND = [
+    ("components minibatch buffer n_samples heads epsilon_steps target_every every recent", COUNT),
+    ("alpha alpha_mu alpha_L kappa bandwidth sigma_p2 sigma_min jitter h0 noise", POSITIVE),
+    ("clip kl_clip", POSITIVE[1:]),
+    ("lambda_ bias prior_scale", NEGATIVE),
+    ("psi epsilon_start epsilon_end", SHARE),
+    ("gamma beta1 beta2", [*SHARE, 1]),
+    ("family init act covariance kl prior start responsibilities", WORD),
+    ("patience", [*NO_NUMBER, -1, 0.0]),
+    ("ddof", [*NO_NUMBER, -1, 2, 0.5]),
+    ("learner", [*WORD, Settings()]),
+]
+BAD = {name: values for names, values in BY_KIND for name in names.split()}
 # what the same names mean elsewhere
 OWN = {
     neighbours.IVONSettings: {"lambda_": POSITIVE, "clip": POSITIVE},
@@ -59,13 +52,13 @@ AGENTS = [Settings("gaussian"), Settings(components=2), MellowTDSettings(5), DDQ
 NEIGHBOURS = [getattr(neighbours, name)() for name in neighbours.__all__]
 
 
-def refused(call: Callable[..., Any], *arguments: Any, **named: Any) -> str:
+def refused(call, *arguments, **named) -> str:
     """The one line with which a call is refused."""
     with pytest.raises(ValueError) as caught:
         call(*arguments, **named)
     message = str(caught.value)
     assert message.isprintable()
-    assert 0 < len(message) < 500
+    assert len(message) < 500
     return message
 
 
@@ -83,15 +76,15 @@ def test_every_field_refuses_what_it_cannot_be(config):
 @pytest.mark.parametrize(
     ("values", "message"),
     [
-        ({"family": "gaussian", "components": 2}, r"^components must .*2"),
-        ({"family": "gaussian", "init": "mean"}, r"^init must .*'mean'"),
+        ({"components": 2}, r"^components must .*2"),
+        ({"init": "mean"}, r"^init must .*'mean'"),
         ({"family": "mixture", "init": "span"}, r"^init must .*'span'"),
-        ({"family": "gaussian", "covariance": "diagonal", "init": "span"}, r"^init must .*'span'"),
+        ({"covariance": "diagonal", "init": "span"}, r"^init must .*'span'"),
     ],
 )
 def test_parts_of_a_setting_that_do_not_go_together_are_refused(values, message):
     with pytest.raises(ValueError, match=message):
-        Settings(**values)
+        Settings(**{"family": "gaussian", **values})
 
 
 SIZES = st.sampled_from([1e-37, 1e-9, 1.0, 1e9, 1e38]) | st.floats(1e-37, 1e38)
@@ -100,12 +93,11 @@ FEW = st.integers(1, 4)
 VALUES = {
     **dict.fromkeys(("kappa", "alpha_mu", "alpha_L", "sigma_p2", "sigma_min", "alpha"), SIZES),
     **dict.fromkeys(("minibatch", "buffer", "n_samples", "target_every", "epsilon_steps"), FEW),
+    **dict.fromkeys(("psi", "epsilon_end"), SHARES),
     "lambda_": st.just(0) | SIZES,
     "clip": st.none() | SIZES,
     "patience": st.integers(0, 3),
     "gamma": SHARES.filter(lambda value: value < 1),
-    "psi": SHARES,
-    "epsilon_end": SHARES,
 }
 
 
@@ -128,8 +120,8 @@ def test_values_that_are_accepted_can_be_learned_with(config):
     @given(st.fixed_dictionaries({name: VALUES[name] for name in sorted(names)}))
     def check(values):
         weights = torch.linspace(-1, 1, 2 * 3 * Q.d).view(2, 3, Q.d)
-        given_ = weights if config.transfers else weights[:, 0]
-        agent = evolve(config, **values).agent(Q, given_, 2, Rng("bad input", [0, 1]))
+        weights = weights if config.transfers else weights[:, 0]
+        agent = evolve(config, **values).agent(Q, weights, 2, Rng("bad input", [0, 1]))
         obs, flags = torch.tensor([[1.0, 2.0], [-3.0, 0.5]]), torch.tensor([True, False])
         for t in range(3):
             action = agent.act(obs, torch.ones_like(flags))

@@ -1,9 +1,5 @@
 """The baselines: how they explore, and what they learn against a textbook's loop by autograd."""
 
-from __future__ import annotations
-
-from typing import Any
-
 import pytest
 import torch
 from torch import Tensor
@@ -24,8 +20,8 @@ KINDS = [
 ]
 
 
-def learner(w: Tensor, settings: Any, runs: list[int] | None = None) -> Any:
-    return settings.agent(NETWORK, w, 2, Rng("t", range(len(w)) if runs is None else runs))
+def learner(w, settings, runs=None):
+    return settings.agent(NETWORK, w, 2, Rng("t", runs or range(len(w))))
 
 
 def weights(*shape: int) -> Tensor:
@@ -73,8 +69,7 @@ def plainly(w: Tensor, run: int, seen: list[Transition], settings: LearnerSettin
     uniforms = Stream("t", [run], "replay")
     for t in range(1, len(seen) + 1):
         # the place of the oldest is the newest's
-        kept = [max(i for i in range(t) if i % settings.buffer == place)
-                for place in range(min(t, settings.buffer))]  # fmt: skip
+        kept = {i % settings.buffer: i for i in range(t)}
         losses = []
         for place in (uniforms.uniform(settings.minibatch)[0] * len(kept)).long().tolist():
             obs, action, reward, after, terminated = (x[run] for x in seen[kept[place]])
@@ -114,14 +109,12 @@ def test_it_is_the_textbooks_algorithm_and_may_begin_with_sources(settings, star
 def test_a_run_feels_neither_its_neighbours_nor_that_they_are_left_behind(settings):
     w, rows = weights(5), [3, 1]
     together, alone = learner(w, settings), learner(w[rows], settings, rows)
-    kept = rows
+    fresh = torch.zeros(5, dtype=torch.bool)
     for t in range(40):
-        step, fresh = transition(5, seed=t), torch.zeros(5, dtype=torch.bool)
-        own = Transition(*(part[rows] for part in step))
+        own = Transition(*(part[rows] for part in transition(5, seed=t)))
         if t == 17:  # in the middle of a target's time
             together.keep(rows)
-            kept = [0, 1]
-        step = step if t < 17 else own
+        step, kept = (transition(5, seed=t), rows) if t < 17 else (own, [0, 1])
         taken = together.act(step.obs, fresh[: len(step.obs)])[kept]
         assert torch.equal(taken, alone.act(own.obs, fresh[:2]))
         together.learn(step)

@@ -1,7 +1,5 @@
 """The built book: complete, linked, numbered, described in words, and light."""
 
-from __future__ import annotations
-
 import json
 import re
 import subprocess
@@ -32,12 +30,12 @@ def identifiers(path: Path) -> set[str]:
     return {tag["id"] for tag in soup(path).find_all(id=True)} | {""} if path.exists() else set()
 
 
-def test_the_book_builds(build_faults: list[str]) -> None:
+def test_the_book_builds(build_faults):
     if build_faults:
         pytest.fail("the book has warnings or failing pages:\n" + "\n".join(build_faults), False)
 
 
-def test_internal_links_resolve(book: Path) -> None:
+def test_internal_links_resolve(book):
     broken = []
     for path in (one for one in book.rglob("*.html") if "_static" not in one.parts):
         for tag in soup(path).select("[href], [src], [data]"):
@@ -53,7 +51,7 @@ def test_internal_links_resolve(book: Path) -> None:
     assert not broken, "\n".join(broken)
 
 
-def test_a_page_is_named_light_and_describes_its_pictures(book: Path) -> None:
+def test_a_page_is_named_light_and_describes_its_pictures(book):
     for path in written_pages(book):
         document = soup(path)
         assert "Variational Transfer of Value Functions" in document.title.text, path
@@ -66,7 +64,7 @@ def test_a_page_is_named_light_and_describes_its_pictures(book: Path) -> None:
             assert not alt.startswith(("../", "_images")), path
 
 
-def test_equations_carry_the_numbers_of_the_thesis_in_its_order(book: Path) -> None:
+def test_equations_carry_the_numbers_of_the_thesis_in_its_order(book):
     found = [
         (equation["id"], equation.select_one(".eqno").text.strip("()#¶\uf0c1 "))
         for path in written_pages(book)
@@ -77,7 +75,7 @@ def test_equations_carry_the_numbers_of_the_thesis_in_its_order(book: Path) -> N
     assert found == [(f"equation-eq-{x}", x.replace("-", ".")) for x in labels]
 
 
-def test_equations_and_functions_lead_to_each_other(book: Path) -> None:
+def test_equations_and_functions_lead_to_each_other(book):
     reference = {path.name: soup(path) for path in (book / "book").glob("api_*.html")}
     for page in ("background", "method"):
         links = soup(book / "book" / f"{page}.html").select("p.in-code a")
@@ -89,13 +87,13 @@ def test_equations_and_functions_lead_to_each_other(book: Path) -> None:
             assert entry.select("div.math"), f"{name} shows no formula"
 
 
-def test_every_symbol_leads_to_where_it_is_introduced(book: Path) -> None:
+def test_every_symbol_leads_to_where_it_is_introduced(book):
     rows = soup(book / "book" / "glossary.html").select("table tbody tr")
     places = [row.select("td")[2] for row in rows]
     assert [x.text for x in places if len(x.find_all("a")) != len(x.text.split(","))] == []
 
 
-def test_the_gallery_shows_every_figure(book: Path) -> None:
+def test_the_gallery_shows_every_figure(book):
     drawn = {
         f"{path.name}#{figure['id']}"
         for path in written_pages(book)
@@ -106,7 +104,7 @@ def test_the_gallery_shows_every_figure(book: Path) -> None:
     assert sorted(shown) == sorted(drawn)
 
 
-def test_pages_with_code_offer_a_notebook_and_say_how_long_they_take(book: Path) -> None:
+def test_pages_with_code_offer_a_notebook_and_say_how_long_they_take(book):
     for path in written_pages(book):
         source = (ROOT / "book" / path.name).with_suffix(".md").read_text(encoding="utf-8")
         links = [a["href"] for a in soup(path).select("a[href$='.ipynb']")]
@@ -117,7 +115,7 @@ def test_pages_with_code_offer_a_notebook_and_say_how_long_they_take(book: Path)
             assert re.match(r"Takes (about a second|\d+ (seconds|minutes)) to run", note), path.name
 
 
-def test_the_build_leaves_nothing_for_git() -> None:
+def test_the_build_leaves_nothing_for_git():
     made = ["_build/html", "book/_static/vendor/fetched", ".venv"]
     command = ["git", "check-ignore", *made]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)

@@ -1,7 +1,5 @@
 """Checks of arguments and of fields: what passes, and the one line that refuses the rest."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

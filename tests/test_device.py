@@ -4,10 +4,6 @@ Tensors that would lie on the device are marked, and what PyTorch refuses is ref
 on tensors of both sides, and NumPy's view of a tensor on the device.
 """
 
-from __future__ import annotations
-
-from typing import Any
-
 import pytest
 import torch
 from torch import Tensor
@@ -21,6 +17,7 @@ from vtlib.rng import Rng
 from vtlib.transfer import Settings
 
 CARD = torch.device("cuda", 0)
+CARDS = ("cuda", torch.device("cuda"), CARD)
 
 
 class Marked(Tensor):
@@ -30,9 +27,7 @@ class Marked(Tensor):
 class PretendedCard(TorchFunctionMode):
     """PyTorch with a card that is none."""
 
-    def __torch_function__(
-        self, func: Any, types: Any, args: tuple[Any, ...] = (), kwargs: Any = None
-    ) -> Any:
+    def __torch_function__(self, func, types, args=(), kwargs=None):
         kwargs = dict(kwargs or {})
         if func == Tensor.device.__get__ and isinstance(args[0], Marked):
             return CARD
@@ -40,11 +35,10 @@ class PretendedCard(TorchFunctionMode):
             return args[0].as_subclass(Tensor)
         if func is Tensor.numpy and isinstance(args[0], Marked):
             raise TypeError("a tensor on the card has no numpy array")
-        if func is Tensor.to and _means_card(args[1]):
+        if func is Tensor.to and args[1] in CARDS:
             return args[0].as_subclass(Marked)
-        if _means_card(kwargs.get("device")):
-            made: Tensor = func(*args, **{**kwargs, "device": "cpu"})
-            return made.as_subclass(Marked)
+        if kwargs.get("device") in CARDS:
+            return func(*args, **{**kwargs, "device": "cpu"}).as_subclass(Marked)
         # PyTorch takes numbers and indices of the processor on the card
         free = func in (Tensor.__getitem__, Tensor.__setitem__)
         tensors = [x for x in tree_leaves((args, kwargs)) if isinstance(x, Tensor)]
@@ -52,10 +46,6 @@ class PretendedCard(TorchFunctionMode):
         if len(sides) == 2 and not (free and isinstance(args[0], Marked)):
             raise RuntimeError(f"{func} was given tensors of the card and of the processor")
         return func(*args, **kwargs)
-
-
-def _means_card(device: object) -> bool:
-    return isinstance(device, str | torch.device) and torch.device(device).type == "cuda"
 
 
 def course(q: QFunction, settings: Settings, device: str) -> list[Tensor]:
@@ -66,7 +56,7 @@ def course(q: QFunction, settings: Settings, device: str) -> list[Tensor]:
     taken, flags = [], torch.tensor([True, False])
     for t in range(20):
         taken.append(agent.act(obs[t], flags))
-        reward = torch.tensor([1e5, 1.0]) if t % 7 == 6 else torch.ones(2)
+        reward = torch.tensor([1e5 if t % 7 == 6 else 1.0, 1.0])
         agent.learn(Transition(obs[t], taken[-1], reward, obs[t + 1], flags))
     return [agent.mu.detach().cpu(), agent.scale_tril.cpu(), torch.stack(taken)]
 

@@ -1,7 +1,5 @@
 """The guide's stored runs are what its script computes, and its first lines run from a wheel."""
 
-from __future__ import annotations
-
 import os
 import re
 import shutil
@@ -54,55 +52,45 @@ def test_what_is_stored_is_not_computed_again(runs, monkeypatch, capsys):
     assert capsys.readouterr().out == ""
 
 
-@pytest.fixture(scope="module")
-def run_from_a_wheel(tmp_path_factory):
-    """Run Python with arguments in an empty folder, where it finds what the wheel holds."""
+def python(code: str, folder: Path, **environment: str) -> subprocess.CompletedProcess:
+    """Run Python code in a folder, without the results of this repository."""
+    return subprocess.run(
+        [sys.executable, "-c", code],
+        cwd=folder,
+        env={x: y for x, y in os.environ.items() if x != "VTLIB_RESULTS"} | environment,
+        text=True,
+        capture_output=True,
+        timeout=300,
+    )
+
+
+def test_a_wheel_has_all_that_the_guides_first_lines_need_but_no_results(tmp_path):
     pytest.importorskip("setuptools", "77")  # what pyproject.toml asks for
-    source, unpacked, empty = (tmp_path_factory.mktemp(x) for x in ("source", "unpacked", "empty"))
+    source, unpacked, empty = (tmp_path / x for x in ("source", "unpacked", "empty"))
+    empty.mkdir()
+    without = shutil.ignore_patterns("__pycache__", "lib")  # what is compiled is not packed
+    for name in ("vtlib", "book/vtbook"):
+        shutil.copytree(ROOT / name, source / name, ignore=without)
     for name in ("pyproject.toml", "README.md", "LICENSE"):
         shutil.copy(ROOT / name, source)
-    for name in ("vtlib", "book/vtbook"):
-        without = shutil.ignore_patterns("__pycache__", "lib")  # what is compiled is not packed
-        shutil.copytree(ROOT / name, source / name, ignore=without)
     build = "from setuptools.build_meta import build_wheel; print(build_wheel('.'))"
-    built = subprocess.run(
-        [sys.executable, "-c", build], cwd=source, text=True, capture_output=True, timeout=300
-    )
+    built = python(build, source)
     assert built.returncode == 0, built.stderr
     with zipfile.ZipFile(source / built.stdout.splitlines()[-1]) as wheel:
         wheel.extractall(unpacked)
-    kept = {name: x for name, x in os.environ.items() if name != "VTLIB_RESULTS"}
-
-    def run(*arguments):
-        return subprocess.run(
-            [sys.executable, *arguments],
-            cwd=empty,
-            env={**kept, "PYTHONPATH": str(unpacked)},
-            text=True,
-            capture_output=True,
-            timeout=300,
-        )
-
-    found = run("-c", "import vtlib, vtbook; print(vtlib.__file__, vtbook.__file__)")
-    assert found.stdout.count(str(unpacked)) == 2, found
-    return run
-
-
-def test_a_wheel_tells_its_version(run_from_a_wheel):
-    (version,) = re.findall(r'^version = "(.*)"', (ROOT / "pyproject.toml").read_text(), re.M)
-    assert run_from_a_wheel("-m", "vtlib", "--version").stdout == f"vtlib {version}\n"
-
-
-def test_a_wheel_without_results_says_in_one_line_where_they_are(run_from_a_wheel):
-    told = run_from_a_wheel("-m", "vtlib", "verify")
-    assert (told.returncode, told.stdout) == (2, "")
-    (line,) = told.stderr.splitlines()
-    assert "the book's results are book/results of its repository" in line
-
-
-def test_the_guides_first_lines_run_from_a_wheel(run_from_a_wheel):
     page = (ROOT / "book" / "guide.md").read_text(encoding="utf-8")
     (cell,) = re.findall(r"```\{code-cell\} python3\n(import gymnasium.*?)```", page, re.DOTALL)
-    fewer = cell.replace("iterations=4000", "iterations=200")
-    done = run_from_a_wheel("-c", f"{fewer}\nprint(*sources.shape, q.d)")
-    assert done.stdout == "4 226 226\n", done
+    code = f"""
+{cell.replace("iterations=4000", "iterations=200")}
+import vtbook, vtlib.cli, vtlib.envs.maze
+print(vtlib.__file__, vtbook.__file__, vtlib.__version__, *sources.shape, q.d)
+vtlib.envs.maze.library()
+raise SystemExit(vtlib.cli.main(["verify"]))
+"""
+    done = python(code, empty, PYTHONPATH=str(unpacked))
+    (version,) = re.findall(r'^version = "(.*)"', (ROOT / "pyproject.toml").read_text(), re.M)
+    inside = [str(unpacked / name / "__init__.py") for name in ("vtlib", "vtbook")]
+    assert done.stdout.split() == [*inside, version, "4", "226", "226"], done
+    assert done.returncode == 2
+    (line,) = done.stderr.splitlines()
+    assert "the book's results are book/results of its repository" in line

@@ -1,12 +1,9 @@
 """Episodes in lock-step: returns, truncation, fresh starts, and ordinary Gymnasium environments."""
 
-from __future__ import annotations
-
 import gymnasium
 import numpy as np
 import pytest
 import torch
-from torch import Tensor
 
 from vtlib.envs.episodes import Episodes, GymEpisodes, Returns
 from vtlib.rng import Stream
@@ -17,33 +14,33 @@ class Counters:
 
     n_actions, obs_dim, noise_dim, start_dim, horizon, gamma = 3, 2, 1, 1, 5, 0.5
 
-    def __init__(self, ends: list[int]) -> None:
-        self._ends = torch.tensor(ends)
+    def __init__(self, ends):
+        self._ends = torch.as_tensor(ends)
 
-    def __len__(self) -> int:
+    def __len__(self):
         return len(self._ends)
 
-    def start(self, u: Tensor) -> Tensor:
+    def start(self, u):
         return torch.cat([u, torch.zeros_like(u)], 1)
 
-    def step(self, state: Tensor, action: Tensor, noise: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+    def step(self, state, action, noise):
         state = state + torch.tensor([0.0, 1.0])
         return state, 1.0 + action, state[:, 1] >= self._ends
 
-    def observe(self, state: Tensor) -> Tensor:
+    def observe(self, state):
         return 10 * state
 
-    def select(self, index: list[int]) -> Counters:
-        return Counters(self._ends[index].tolist())
+    def select(self, index):
+        return Counters(self._ends[index])
 
 
-def episodes(ends: list[int]) -> Episodes:
-    noise, starts = (Stream("t", list(range(len(ends))), role) for role in ("n", "s"))
-    return Episodes(Counters(ends), noise, starts, record=True)
+def episodes() -> Episodes:
+    noise, starts = (Stream("t", range(3), role) for role in ("n", "s"))
+    return Episodes(Counters([2, 3, 99]), noise, starts, record=True)
 
 
 def test_a_terminal_state_or_the_horizon_ends_an_episode_and_the_next_begins():
-    lock = episodes([2, 3, 99])
+    lock = episodes()
     assert lock.fresh.tolist() == [True] * 3
     terminated, fresh = [], []
     for _ in range(6):
@@ -67,8 +64,7 @@ def test_learning_return_against_a_plain_list():
     g = torch.Generator().manual_seed(0)
     runs, window, gamma = 3, 5, 0.9
     returns = Returns(runs, gamma, window)
-    finished: list[list[float]] = [[] for _ in range(runs)]
-    rewards: list[list[float]] = [[] for _ in range(runs)]
+    finished, rewards = ([[] for _ in range(runs)] for _ in range(2))
     for _ in range(200):
         reward, done = torch.randn(runs, generator=g), torch.rand(runs, generator=g) < 0.2
         returns.add(reward, done)
@@ -82,32 +78,25 @@ def test_learning_return_against_a_plain_list():
 
 
 def test_runs_that_are_kept_go_on_as_before():
-    whole, part = episodes([2, 3, 99]), episodes([2, 3, 99])
+    whole, part = episodes(), episodes()
     for t in range(12):
         for some in (whole, part):
             some.step(torch.zeros(len(some.obs), dtype=torch.int64))
         if t == 4:
             part.keep([2, 0])
-    assert torch.equal(part.obs, whole.obs[[2, 0]])
-    assert torch.equal(part.fresh, whole.fresh[[2, 0]])
-    assert torch.equal(part.visited, whole.visited[[2, 0]])
+    for name in ("obs", "fresh", "visited"):
+        assert torch.equal(getattr(part, name), getattr(whole, name)[[2, 0]])
     assert torch.equal(part.returns.mean(), whole.returns.mean()[[2, 0]])
 
 
-# --- ordinary Gymnasium environments -----------------------------------------------------------
-
-
-def cartpole() -> gymnasium.Env:
-    return gymnasium.make("CartPole-v1", max_episode_steps=25)
-
-
 def test_gym_episodes_equal_a_loop_over_each_environment():
-    lock = GymEpisodes([cartpole(), cartpole()], seeds=[5, 6], gamma=0.9)
+    envs = [gymnasium.make("CartPole-v1", max_episode_steps=25) for _ in range(3)]
+    lock, env = GymEpisodes(envs[:2], seeds=[5, 6], gamma=0.9), envs[2]
     assert (lock.obs_dim, lock.n_actions) == (4, 2)
     actions = torch.randint(2, (120, 2), generator=torch.Generator().manual_seed(0))
     seen = [(lock.obs, lock.step(a), lock.fresh) for a in actions]
     for r, seed in enumerate((5, 6)):
-        env, returns, ends = cartpole(), Returns(1, 0.9, 50), set()
+        returns, ends = Returns(1, 0.9, 50), set()
         obs, _ = env.reset(seed=seed)
         for action, (before, transition, fresh) in zip(actions[:, r], seen, strict=True):
             assert np.array_equal(before[r], obs)
@@ -126,12 +115,9 @@ def test_gym_episodes_equal_a_loop_over_each_environment():
 class Reuses(gymnasium.Env):
     """An environment that hands out one and the same array, changed in place."""
 
-    observation_space = gymnasium.spaces.Box(-100, 100, (1,), np.float32)
-    action_space = gymnasium.spaces.Discrete(2, start=3)
-
-    def __init__(self) -> None:
-        self._obs = np.zeros(1, np.float32)
-        self.actions: list[int] = []
+    def __init__(self, observations, actions):
+        self.observation_space, self.action_space = observations, actions
+        self._obs, self.actions = np.zeros(1, np.float32), []
 
     def reset(self, *, seed=None, options=None):
         super().reset(seed=seed)
@@ -145,7 +131,9 @@ class Reuses(gymnasium.Env):
 
 
 def test_gym_observations_survive_the_next_reset_and_actions_count_from_the_spaces_start():
-    env = Reuses()
+    env = Reuses(
+        gymnasium.spaces.Box(-9, 9, (1,), np.float32), gymnasium.spaces.Discrete(2, start=3)
+    )
     lock = GymEpisodes([env], seeds=[0])
     seen = [lock.step(torch.tensor([action])) for action in (0, 1, 0, 1)]
     assert [t.obs.item() for t in seen] == [0, 1, 2, 0]
@@ -153,30 +141,20 @@ def test_gym_observations_survive_the_next_reset_and_actions_count_from_the_spac
     assert env.actions == [3, 4, 3, 4]
 
 
-class Spaces(Reuses):
-    """An environment with other spaces."""
-
-    def __init__(self, observations: gymnasium.Space, actions: gymnasium.Space) -> None:
-        super().__init__()
-        self.observation_space, self.action_space = observations, actions
-
-
 BOX, TWO = gymnasium.spaces.Box(-1, 1, (1,), np.float32), gymnasium.spaces.Discrete(2)
 
 
 @pytest.mark.parametrize(
-    ("envs", "message"),
+    ("spaces", "message"),
     [
-        ([Spaces(TWO, TWO)], "one-dimensional Box observation space, got"),
-        ([Spaces(gymnasium.spaces.Box(-1, 1, (2, 2)), TWO)], "one-dimensional Box observation"),
-        ([Spaces(BOX, BOX)], "Discrete action space, got"),
-        (
-            [Spaces(BOX, TWO), Spaces(BOX, gymnasium.spaces.Discrete(3))],
-            "must have the same spaces",
-        ),
-        ([Spaces(BOX, TWO), Spaces(BOX, TWO)], "shorter"),  # one seed for two
+        ([(TWO, TWO)], "one-dimensional Box observation space, got"),
+        ([(gymnasium.spaces.Box(-1, 1, (2, 2)), TWO)], "one-dimensional Box observation"),
+        ([(BOX, BOX)], "Discrete action space, got"),
+        ([(BOX, TWO), (BOX, gymnasium.spaces.Discrete(3))], "must have the same spaces"),
+        ([(BOX, TWO), (BOX, TWO)], "shorter"),  # one seed for two
     ],
 )
-def test_gym_spaces_are_of_the_one_kind_and_each_environment_has_a_seed(envs, message):
+def test_gym_spaces_are_of_the_one_kind_and_each_environment_has_a_seed(spaces, message):
+    envs = [Reuses(*pair) for pair in spaces]
     with pytest.raises(ValueError, match=message):
         GymEpisodes(envs, seeds=[0])

@@ -1,7 +1,5 @@
 """The maze dynamics by their properties, and the sensors against exact geometry in plain Python."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -26,8 +24,7 @@ seeds = st.integers(0, 2**32 - 1)
 def walled(count: int, *cells: tuple[int, int]) -> Mazes:
     """The same task many times: only some cells are walls, the goal is far away."""
     walls = torch.zeros(count, 10, 10, dtype=torch.bool)
-    for x, y in cells:
-        walls[:, x, y] = True
+    walls[:, *zip(*cells, strict=True)] = True
     return Mazes(walls, torch.full((count, 2), 9))
 
 
@@ -75,12 +72,9 @@ def check_move(walls: list, at: np.ndarray, move: np.ndarray, made: np.ndarray) 
     np.testing.assert_allclose(made, share * move, rtol=0, atol=hair)
 
 
-# --- moving -----------------------------------------------------------------------------------
-
-
 @settings(max_examples=40, deadline=None)
 @given(seeds, st.sampled_from([0, 1, 20]))
-def test_a_step_is_that_of_exact_geometry_and_ends_in_the_goals_cell(seed: int, scale: int) -> None:
+def test_a_step_is_that_of_exact_geometry_and_ends_in_the_goals_cell(seed, scale):
     rng = np.random.default_rng(seed)
     tasks, state = scene(rng, 30)
     goals = tasks.goal.tolist()
@@ -102,7 +96,7 @@ def test_a_step_is_that_of_exact_geometry_and_ends_in_the_goals_cell(seed: int, 
         assert torch.equal(reward, terminated.float())
 
 
-def test_nobody_slips_between_two_walls_that_touch_at_a_corner() -> None:
+def test_nobody_slips_between_two_walls_that_touch_at_a_corner():
     tasks = walled(2001, (4, 5), (5, 4))
     offset = torch.linspace(-2e-3, 2e-3, 2001)
     offset[1000] = 0.0
@@ -113,18 +107,17 @@ def test_nobody_slips_between_two_walls_that_touch_at_a_corner() -> None:
 
 
 @pytest.mark.parametrize("corner", [(3, 3), (3, 5), (5, 3), (5, 5)])
-def test_a_corner_that_is_aimed_at_exactly_stops_a_robot(corner: tuple[int, int]) -> None:
+def test_a_corner_that_is_aimed_at_exactly_stops_a_robot(corner):
     toward = torch.tensor([*corner, 4]) - 4
-    middle = torch.tensor([4.5, 4.5, 0.0]).expand(2, 3)
     # As long a noise as is cut to the same length along both axes; from the middle, and touching.
-    state = middle + torch.tensor([[0.0], [0.5 - CLEARANCE]]) * toward
+    middle, touching = torch.tensor([[0.0], [0.5 - CLEARANCE]]) * toward
+    state = torch.tensor([4.5, 4.5, 0.0]) + torch.stack([middle, touching])
     action, noise = torch.ones(2, dtype=torch.int64), (60.0 * toward).expand(2, 3)
     reached, _, _ = walled(2, corner).step(state, action, noise)
-    expected = (middle + (0.5 - CLEARANCE) * toward)[:, :2]
-    torch.testing.assert_close(reached[:, :2], expected, rtol=0, atol=3e-4)
+    torch.testing.assert_close(reached[:, :2], state[[1, 1], :2], rtol=0, atol=3e-4)
 
 
-def test_a_robot_that_ran_into_a_wall_can_drive_along_it() -> None:
+def test_a_robot_that_ran_into_a_wall_can_drive_along_it():
     # in float32 it stands a hair too close to this wall, and heads a hair toward it
     tasks, state = walled(1, *[(2, y) for y in range(10)]), torch.tensor([[3.8, 5.0, math.pi]])
     for action in [0] * 3 + [1] * 4 + [0] * 6:
@@ -132,12 +125,9 @@ def test_a_robot_that_ran_into_a_wall_can_drive_along_it() -> None:
     torch.testing.assert_close(state[0, :2], torch.tensor([3.01, 2.0]), atol=1e-3, rtol=0)
 
 
-# --- sensing ----------------------------------------------------------------------------------
-
-
 @settings(max_examples=20, deadline=None)
 @given(seeds)
-def test_readings_are_those_of_exact_geometry(seed: int) -> None:
+def test_readings_are_those_of_exact_geometry(seed):
     tasks, state = scene(np.random.default_rng(seed), 12)
     seen = tasks.observe(state)
     assert seen.dtype == torch.float32
@@ -147,19 +137,19 @@ def test_readings_are_those_of_exact_geometry(seed: int) -> None:
         np.testing.assert_allclose(seen[row, :4], pose, rtol=0, atol=ROUNDING)
         walls, goal = solid(tasks, row, state[row]), [tuple(tasks.goal[row].tolist())]
         for ray in range(9):
-            expected = []
             # A ray that meets a corner to the last digit may see what either neighbour sees.
+            alike, got = [], seen[row, [4 + ray, 13 + ray]].tolist()
             for hair in (-1e-9, 0.0, 1e-9):
                 angle = heading + math.radians(-90 + 22.5 * ray) + hair
                 along = math.cos(angle), math.sin(angle)
                 wall = min(first_met(walls, (x, y), along), 2.0)
-                expected.append((wall, float(first_met(goal, (x, y), along) < wall)))
-            got = seen[row, 4 + ray].item(), seen[row, 13 + ray].item()
-            assert any(abs(got[0] - wall) <= ROUNDING and got[1] == flag for wall, flag in expected)
+                flag = first_met(goal, (x, y), along) < wall
+                alike.append(abs(got[0] - wall) <= ROUNDING and got[1] == flag)
+            assert any(alike)
 
 
 @pytest.mark.parametrize("side", [-1, 1])
-def test_no_ray_passes_between_walls_that_touch_at_a_corner(side: int) -> None:
+def test_no_ray_passes_between_walls_that_touch_at_a_corner(side):
     # With heading 0 the ray at 45 degrees to that side runs exactly to the corner, on a diagonal.
     along = torch.arange(-63, 64) / 128
     state = torch.stack([4.5 + along, 4.5 + side * along, torch.zeros(127)], 1)
@@ -167,17 +157,13 @@ def test_no_ray_passes_between_walls_that_touch_at_a_corner(side: int) -> None:
     torch.testing.assert_close(seen[:, 8 + 2 * side], 2**0.5 * (0.5 - along))
 
 
-# --- starts, families and wrong values --------------------------------------------------------
-
-
-def test_starts_are_uniform_over_free_cells_positions_and_headings() -> None:
+def test_starts_are_uniform_over_free_cells_positions_and_headings():
     maze, count = library()["north-west 8"], 60_000
-    u = np.random.default_rng(0).random((count, 4), np.float32)
-    u[0] = np.nextafter(np.float32(1), np.float32(0))  # the largest there is
-    start = Mazes.of([maze]).select([0] * count).start(torch.tensor(u))
-    cells = start[:, :2].floor().long()
-    hits = np.zeros((10, 10), dtype=int)
-    np.add.at(hits, tuple(cells.numpy().T), 1)
+    u = torch.rand(count, 4, generator=torch.Generator().manual_seed(0))
+    u[0] = torch.tensor(1.0).nextafter(torch.tensor(0.0))  # the largest there is
+    start = Mazes.of([maze]).select([0] * count).start(u)
+    cells = start[:, :2].floor()
+    hits = np.histogram2d(*cells.numpy().T, bins=range(11))[0]
     free = ~maze.walls
     free[maze.goal] = False
     assert ((hits > 0) == free).all()
@@ -193,7 +179,7 @@ def test_starts_are_uniform_over_free_cells_positions_and_headings() -> None:
 
 
 @pytest.mark.parametrize("names", [("north-east 0", "south-west 14"), tuple(library())])
-def test_a_family_draws_its_mazes_evenly_and_has_them_as_sources(names: tuple[str, ...]) -> None:
+def test_a_family_draws_its_mazes_evenly_and_has_them_as_sources(names):
     family, expected = MazeFamily(names), 2000 / len(names)
     drawn = family.sample(np.random.default_rng(3), 2000).walls
     mazes, counts = drawn.unique(dim=0, return_counts=True)
@@ -218,6 +204,6 @@ ONLY_GOALS = (~FREE).index_put((torch.arange(2), *CORNER.T), torch.tensor(False)
         (MazeFamily, ((),), "at least one"),
     ],
 )
-def test_wrong_values_are_refused(make, arguments: tuple, message: str) -> None:
+def test_wrong_values_are_refused(make, arguments, message):
     with pytest.raises(ValueError, match=message):
         make(*arguments)

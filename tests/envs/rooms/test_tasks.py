@@ -1,7 +1,5 @@
 """The rooms dynamics by their properties, against plain geometry in float64."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import torch
@@ -45,10 +43,8 @@ def outside_doors(start: np.ndarray, end: np.ndarray, tasks: Rooms, row: int) ->
 
 
 @settings(max_examples=40, deadline=None)
-@given(
-    st.integers(0, 2**32 - 1), st.sampled_from([2, 3]), st.sampled_from([0, 1, 20]), st.booleans()
-)
-def test_a_step_is_that_of_plain_geometry(seed: int, rooms: int, scale: int, stops: bool) -> None:
+@given(st.integers(0, 2**32 - 1), st.integers(2, 3), st.sampled_from([0, 1, 20]), st.booleans())
+def test_a_step_is_that_of_plain_geometry(seed, rooms, scale, stops):
     rng = np.random.default_rng(seed)
     tasks, state = scene(rng, rooms, stops)
     walls = tasks.walls.double().numpy()
@@ -84,7 +80,7 @@ def test_a_step_is_that_of_plain_geometry(seed: int, rooms: int, scale: int, sto
                 assert any(outside > -slack for outside in met)
 
 
-def test_an_agent_may_go_to_the_frontier_itself_and_the_goals_rim_is_part_of_it() -> None:
+def test_an_agent_may_go_to_the_frontier_itself_and_the_goals_rim_is_part_of_it():
     tasks = Rooms.from_doors([[2.0, 7.0]] * 2, stops=True)
     step = torch.tensor([[1.0, 1.0], [8.0, 10.0]]), torch.tensor([3, 1]), torch.zeros(2, 2)
     reached, _, terminated = tasks.step(*step)
@@ -93,66 +89,54 @@ def test_an_agent_may_go_to_the_frontier_itself_and_the_goals_rim_is_part_of_it(
 
 
 @pytest.mark.parametrize(("action", "up"), [(0, 1), (2, -1)])
-def test_nobody_tunnels_by_stopping_on_the_wall_line(action: int, up: int) -> None:
-    tasks = Rooms.from_doors([[9.0, 9.0]] * 61)
-    toward, wall = torch.full((61,), action), tasks.walls[0]
+def test_nobody_tunnels_by_stopping_on_the_wall_line(action, up):
+    tasks, toward = Rooms.from_doors([[9.0, 9.0]] * 61), torch.full((61,), action)
     # Noise that lands the agents on the line to within rounding, then a full step onwards.
-    state = torch.stack([torch.tensor(2.0), wall - up]).expand(61, 2)
+    state = torch.stack([torch.tensor(2.0), tasks.walls[0] - up]).expand(61, 2)
     landing = torch.stack([torch.zeros(61), torch.linspace(-3e-6, 3e-6, 61) / 0.2], 1)
-    beside, _, _ = tasks.step(state, toward, landing)
-    beyond, _, _ = tasks.step(beside, toward, torch.zeros(61, 2))
-    assert (up * (beyond[:, 1] - wall) <= 0).all()
+    for noise in (landing, torch.zeros(61, 2)):
+        state, _, _ = tasks.step(state, toward, noise)
+    assert (up * (state[:, 1] - tasks.walls[0]) <= 0).all()
 
 
-def test_starts_observations_and_rooms_which_are_counted_from_the_bottom() -> None:
+def test_starts_observations_and_rooms_which_are_counted_from_the_bottom():
     u = torch.tensor([[0.25, 0.5]])
     assert torch.equal(DOORS.start(u), torch.zeros(1, 2))
     assert torch.equal(evolve(DOORS, uniform_start=True).start(u), 10 * u)
     assert torch.equal(DOORS.observe(u), u)
     wall = DOORS.walls[0]
     heights = torch.stack([0 * wall, wall.nextafter(0 * wall), wall, 2.1 * wall, 3 * wall])
-    assert DOORS.room(torch.stack([torch.ones(5), heights], 1)).tolist() == [0, 0, 1, 2, 2]
+    assert DOORS.room(heights.expand(2, 5).T).tolist() == [0, 0, 1, 2, 2]
 
 
-def test_a_ladder_has_the_targets_doors_go_through_its_places_and_sources_drawn() -> None:
-    family = RoomsFamily(2, ladder=19)
-    tasks = family.draw_tasks("t", [0, 1, 18, 19, 25])
-    np.testing.assert_allclose(tasks.doors[:, 0], [0.5, 1.0, 9.5, 0.5, 3.5], rtol=1e-6)
+@pytest.mark.parametrize("ladder", [0, 19])
+@pytest.mark.parametrize("stops", [False, True])
+def test_a_ladder_has_the_targets_doors_go_through_its_places_and_sources_drawn(ladder, stops):
+    family, runs = RoomsFamily(2, ladder=ladder, stops=stops), [0, 1, 18, 19, 25]
+    tasks, sources = family.draw_tasks("t", runs), family.source_tasks("t", runs)
+    spread = family.for_sources(tasks)
+    assert [some.stops for some in (tasks, sources, spread)] == [stops] * 3
+    assert spread.uniform_start
+    drawn = RoomsFamily(2).draw_tasks("t", runs).doors
+    places = torch.tensor([[0.5], [1.0], [9.5], [0.5], [3.5]]) if ladder else drawn
+    for ours, expected in ((tasks, places), (spread, places), (sources, drawn)):
+        torch.testing.assert_close(ours.doors, expected, rtol=1e-6, atol=0)
+    assert family.kernel_parameters(tasks, 1) == [*[tasks.doors[1].item()] * 2, 1, False, stops]
     both = RoomsFamily(3, ladder=3).draw_tasks("t", [1, 2])
     assert both.doors.tolist() == [[5.0, 5.0], [9.5, 9.5]]
-    drawn = family.source_tasks("t", range(3)).doors
-    assert torch.equal(drawn, RoomsFamily(2).draw_tasks("t", range(3)).doors)
 
 
-@pytest.mark.parametrize("ladder", [0, 3])
-def test_all_tasks_of_a_family_stop_and_its_sources_start_anywhere(ladder: int) -> None:
-    family = RoomsFamily(2, ladder=ladder, stops=True)
-    tasks, sources = family.draw_tasks("t", range(3)), family.source_tasks("t", range(3))
-    spread = family.for_sources(tasks)
-    assert all(some.stops for some in (tasks, sources, spread))
-    assert spread.uniform_start
-    assert torch.equal(spread.doors, tasks.doors)
-    free = RoomsFamily(2, ladder=ladder).draw_tasks("t", range(3))
-    assert torch.equal(free.doors, tasks.doors)
-    assert family.kernel_parameters(tasks, 1) == [*[tasks.doors[1].item()] * 2, 1, False, True]
-
-
-def test_only_tasks_that_have_all_else_in_common_join() -> None:
-    others = {
-        "stops": evolve(DOORS, stops=True),
-        "uniform_start": evolve(DOORS, uniform_start=True),
-        "walls": Rooms.from_doors([[1.0]]),
-    }
+def test_only_tasks_that_have_all_else_in_common_join():
+    stopping, anywhere = evolve(DOORS, stops=True), evolve(DOORS, uniform_start=True)
+    others = {"stops": stopping, "uniform_start": anywhere, "walls": Rooms.from_doors([[1.0]])}
     for name, other in others.items():
         with pytest.raises(ValueError, match=f"must have the same {name}"):
             RoomsFamily().join([DOORS, other])
 
 
-def test_the_other_families() -> None:
-    fixed, free, bell = (
-        RoomsFamily(**options).sample(np.random.default_rng(0), 4000).doors
-        for options in ({"fixed_lower": 5.0}, {}, {"rooms": 2, "normal": (5.0, 1.8)})
-    )
+def test_the_other_families():
+    families = RoomsFamily(fixed_lower=5.0), RoomsFamily(), RoomsFamily(2, normal=(5.0, 1.8))
+    fixed, free, bell = (x.sample(np.random.default_rng(0), 4000).doors for x in families)
     assert (fixed[:, 0] == 5).all()
     assert torch.equal(fixed[:, 1], free[:, 1])
     assert bell.shape == (4000, 1)
@@ -161,7 +145,7 @@ def test_the_other_families() -> None:
     assert (bell.min(), bell.max()) == (0.5, 9.5)
 
 
-FIVES = torch.full((1, 2), 5.0)
+FIVES, ONE = torch.full((1, 2), 5.0), r"float32 of shape \(R, 1\), one per"
 
 
 @pytest.mark.parametrize(
@@ -171,14 +155,10 @@ FIVES = torch.full((1, 2), 5.0)
         (Rooms.from_doors, {"doors": [5.0, np.nan]}, r"doors must lie in \[0.5, 9.5\], got nan"),
         (Rooms.from_doors, {"doors": 5.0}, r"doors must have shape \(R, W\) or \(W,\), got \(\)"),
         (Rooms.from_doors, {"doors": np.full((2, 0), 5.0)}, "doors must have shape"),
-        *(
-            (Rooms, {"doors": doors, "walls": even_walls(1)}, r"float32 of shape \(R, 1\), one per")
-            for doors in (FIVES, FIVES[:, :1].double())
-        ),
-        *(
-            (Rooms, {"doors": FIVES[:, : len(walls)], "walls": torch.tensor(walls)}, "increasing")
-            for walls in ([5.0, 4.0], [0.0, 5.0], [5.0, 10.0], [5.0, np.nan], [])
-        ),
+        (Rooms, {"doors": FIVES, "walls": even_walls(1)}, ONE),
+        (Rooms, {"doors": FIVES[:, :1].double(), "walls": even_walls(1)}, ONE),
+        *((Rooms, {"doors": FIVES[:, : len(x)], "walls": torch.tensor(x)}, "increasing")
+          for x in ([5.0, 4.0], [0.0, 5.0], [5.0, 10.0], [5.0, np.nan], [])),
         (RoomsFamily, {"rooms": 4}, "rooms must be a whole number from 2 to 3, got 4"),
         (RoomsFamily, {"fixed_lower": 0.0}, "fixed_lower must lie in"),
         (RoomsFamily, {"fixed_lower": np.nan}, "fixed_lower must lie in"),
@@ -187,7 +167,7 @@ FIVES = torch.full((1, 2), 5.0)
         (RoomsFamily, {"ladder": -1}, "ladder must be a whole number from 0"),
         (RoomsFamily, {"stops": 1}, "stops must be of type bool"),
     ],
-)
-def test_wrong_values_are_refused(make, arguments, message: str) -> None:
+)  # fmt: skip
+def test_wrong_values_are_refused(make, arguments, message):
     with pytest.raises(ValueError, match=message):
         make(**arguments)
