@@ -8,6 +8,7 @@ import pytest
 from attrs import evolve
 
 from vtbook.experiments.grids import slider_lambdas, sliders_of
+from vtbook.experiments.protocols import transfer_settings
 from vtlib.baselines import LearnerSettings, MellowTDSettings
 from vtlib.envs.maze import MazeFamily
 from vtlib.envs.rooms import RoomsFamily
@@ -94,6 +95,6 @@ def test_sliders_need_a_lambda_and_an_algorithm_to_vary(tiny):
     with pytest.raises(ValueError, match="lambda_ must be positive"):
         slider_lambdas(Settings(lambda_=0))
     with pytest.raises(ValueError, match=r"algorithms\['NT'\] must be of type Settings"):
-        tiny.transfer_settings("NT")
+        transfer_settings(tiny, "NT")
     with pytest.raises(ValueError, match="the sliders' algorithm must be one of NT, "):
         sliders_of(tiny, "tiny-sliders", 2, 100)

@@ -171,6 +171,7 @@ def test_an_interrupt_at_any_moment_ends_in_one_line_and_with_all_processes(
         it = Command(tmp_path, iterations, *COMMANDS[command])
         time.sleep(wait)
         if it.process.poll() is not None:
+            it.ends_well(DONE[command])
             continue
         os.killpg(it.process.pid, number)
         _, err = it.process.communicate(timeout=10)

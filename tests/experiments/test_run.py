@@ -5,10 +5,8 @@ import pytest
 import torch
 from attrs import evolve
 
-from vtlib.evaluation import Evaluation
 from vtlib.experiments import run
 from vtlib.experiments.run import chosen_sources, head, prepare, run_batch, targets
-from vtlib.rng import Rng
 
 # float32 sums round differently in batches of another size.
 ROUNDING = {"rtol": 1e-4, "atol": 1e-5}
@@ -86,20 +84,6 @@ def test_the_greedy_return_of_a_mixture_is_of_its_mean_or_of_each_component(tiny
     )
 
 
-def test_what_sources_earn_at_once_is_by_the_surest_of_a_runs_own(tiny):
-    # the mean of any two would push to the right
-    pool = np.zeros((3, 226), dtype=np.float32)
-    pool[:, -2:] = [[1.0, 0.9], [0.0, 0.95], [0.2, 0.97]]
-    found, runs = run.zero_shot(tiny, pool, episodes=30), range(tiny.runs)
-    surest = [max(row, key=lambda x: pool[x].max()) for row in chosen_sources(tiny, runs)]
-    rng = Rng(f"{tiny.stream} zero-shot", runs)
-    evaluate = Evaluation(tiny.family.q(), targets(tiny, runs), rng, 30)
-    expected = evaluate(torch.from_numpy(pool[surest])[:, None])
-    np.testing.assert_allclose(found, expected, rtol=1e-6)
-    with pytest.raises(ValueError, match="weights of tiny-pool must"):
-        run.zero_shot(tiny, pool[:2])
-
-
 def test_visits_are_kept_where_they_are_asked_for_and_disturb_nothing(tiny, weights):
     plain = run_batch(tiny, "DDQN", range(3), weights)
     kept = run_batch(evolve(tiny, visits=True), "DDQN", range(3), weights)
@@ -109,16 +93,6 @@ def test_visits_are_kept_where_they_are_asked_for_and_disturb_nothing(tiny, weig
         np.testing.assert_array_equal(kept[key], values)
     one = run_batch(evolve(tiny, visits=True), "DDQN", [2], weights)["visited"][0]
     np.testing.assert_allclose(one, kept["visited"][2], **ROUNDING)
-
-
-def test_moments_are_those_of_the_whole_run(tiny, weights):
-    batch = prepare(tiny, "GVT", [0], weights[:3])
-    seen = {t: batch.agent.mu.detach().double().sum().item() for t in batch.moments([0, 1, 49])}
-    assert list(seen) == [0, 1, 49]
-    prints = head(tiny, "GVT", [0], weights[:3])[0, :2, 0]
-    np.testing.assert_allclose([seen[1], seen[49]], prints, **ROUNDING)
-    assert seen[0] != seen[1]
-    assert list(prepare(tiny, "NT", [0], weights).moments([0])) == [0]
 
 
 def test_the_table_plans_each_task_once_and_repeats_its_optimum(shared, monkeypatch):

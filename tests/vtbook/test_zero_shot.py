@@ -1,0 +1,24 @@
+"""What sources earn without learning."""
+
+import numpy as np
+import pytest
+import torch
+
+from vtbook.zero_shot import zero_shot
+from vtlib.evaluation import Evaluation
+from vtlib.experiments.run import chosen_sources, targets
+from vtlib.rng import Rng
+
+
+def test_what_sources_earn_at_once_is_by_the_surest_of_a_runs_own(tiny):
+    # the mean of any two would push to the right
+    pool = np.zeros((3, 226), dtype=np.float32)
+    pool[:, -2:] = [[1.0, 0.9], [0.0, 0.95], [0.2, 0.97]]
+    found, runs = zero_shot(tiny, pool, episodes=30), range(tiny.runs)
+    surest = [max(row, key=lambda x: pool[x].max()) for row in chosen_sources(tiny, runs)]
+    rng = Rng(f"{tiny.stream} zero-shot", runs)
+    evaluate = Evaluation(tiny.family.q(), targets(tiny, runs), rng, 30)
+    expected = evaluate(torch.from_numpy(pool[surest])[:, None])
+    np.testing.assert_allclose(found, expected, rtol=1e-6)
+    with pytest.raises(ValueError, match="weights of tiny-pool must"):
+        zero_shot(tiny, pool[:2])
