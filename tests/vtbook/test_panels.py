@@ -1,7 +1,5 @@
 """What fills in a panel: files of the page, and a setup that cannot end its script."""
 
-from __future__ import annotations
-
 import json
 import re
 

@@ -1,7 +1,5 @@
 """Plate diagrams of the pages: arrows meet borders, plates hold their nodes, labels fit."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

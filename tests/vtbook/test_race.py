@@ -1,7 +1,5 @@
 """The race of the first page: two runs as they went, told to the page in few bytes."""
 
-from __future__ import annotations
-
 import json
 import re
 from base64 import b64decode

@@ -1,7 +1,5 @@
 """Sliders over stored settings: the right runs beside each other, and words true of them."""
 
-from __future__ import annotations
-
 import itertools
 from unittest.mock import Mock
 
@@ -14,7 +12,6 @@ from vtbook import sliders, widgets
 from vtbook.claims import Runs
 from vtbook.experiments.grids import count_name, slider_thesis, sliders_of
 from vtbook.experiments.rooms import ROOMS_EVALUATION
-from vtlib.experiments.experiment import Experiment
 from vtlib.stats import Interval
 
 AROUND = ROOMS_EVALUATION.equations
@@ -23,7 +20,7 @@ GRID = sliders_of(AROUND, "grid", 4, 300, LAMBDAS, PSIS, POSTERIORS)
 USUAL = (1e-6, 0.5, "1-MGVT")
 
 
-def runs(level: float, count: int = 4, times: int = 3, **told: str) -> Dataset:
+def runs(level, count=4, times=3, **told):
     """Returns about a level, of runs whose optimum is 0.8."""
     noise = np.random.default_rng(0).normal(0, 0.01, (count, times))
     kinds = dict.fromkeys(("learning", "greedy"), (("run", "iteration"), level + noise))
@@ -31,13 +28,13 @@ def runs(level: float, count: int = 4, times: int = 3, **told: str) -> Dataset:
     return Dataset(data, {"iteration": 100 * np.arange(1, times + 1)}, told)
 
 
-def named(_: Experiment, name: str) -> Dataset:
+def named(_, name):
     """Stored runs that tell their name, and by their level their psi."""
     return runs(0.2 if "psi-1" in name else 0.4, name=name)
 
 
 @pytest.fixture
-def pictures(monkeypatch) -> Mock:
+def pictures(monkeypatch):
     """What is asked for pictures, which show nothing; sliders stay in parts."""
     asked = Mock(return_value="<img>")
     monkeypatch.setattr(sliders, "returns", named)
@@ -79,18 +76,18 @@ def test_the_number_of_sources_is_a_slider_of_its_own(pictures):
 
 
 @pytest.mark.parametrize(
-    ("setting", "gap", "means"),
+    ("lambda_", "psi", "gap", "means"),
     [
-        ((1e-4, 0.5, "GVT"), (-0.1, 0.1), "nothing that these runs could tell"),
-        ((1e-4, 0.5, "GVT"), (0.1, 0.2), "better here than the thesis' choice"),
-        ((1e-4, 0.5, "GVT"), (-0.2, -0.1), "held too close to its sources"),
-        ((1e-8, 0.5, "GVT"), (-0.2, -0.1), "let go of its sources too soon"),
-        ((1e-6, 1.0, "GVT"), (-0.2, -0.1), "more of the full gradient costs return here"),
-        ((1e-6, 0.0, "GVT"), (-0.2, -0.1), "less of the full gradient costs return here"),
+        (1e-4, 0.5, Interval(0, -1, 1), "nothing that these runs could tell"),
+        (1e-4, 0.5, Interval(2, 1, 3), "better here than the thesis' choice"),
+        (1e-4, 0.5, Interval(-2, -3, -1), "held too close to its sources"),
+        (1e-8, 0.5, Interval(-2, -3, -1), "let go of its sources too soon"),
+        (1e-6, 1.0, Interval(-2, -3, -1), "more of the full gradient costs return here"),
+        (1e-6, 0.0, Interval(-2, -3, -1), "less of the full gradient costs return here"),
     ],
 )
-def test_a_difference_is_said_in_words(setting, gap, means):
-    assert sliders.meaning(setting, (1e-6, 0.5, "GVT"), Interval(np.mean(gap), *gap)) == means
+def test_a_difference_is_said_in_words(lambda_, psi, gap, means):
+    assert sliders.meaning((lambda_, psi, "GVT"), (1e-6, 0.5, "GVT"), gap) == means
 
 
 def test_a_setting_stands_beside_the_same_runs_of_the_references(monkeypatch):

@@ -1,7 +1,5 @@
 """Value maps: the grid, what is mapped over it, and how it is drawn."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import torch

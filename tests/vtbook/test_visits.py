@@ -1,7 +1,5 @@
 """Measures of visits: positions placed by hand, and what holds for any positions."""
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 

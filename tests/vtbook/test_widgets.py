@@ -1,7 +1,5 @@
 """Sliders that reach the right picture, and the live panel: it trains, stops and recovers."""
 
-from __future__ import annotations
-
 import itertools
 import threading
 from unittest.mock import Mock
@@ -16,14 +14,13 @@ from vtbook import widgets
 from vtbook.experiments import grids
 from vtbook.experiments.rooms import ROOMS_EVALUATION
 from vtbook.widgets import Axis, LivePanel, parameter_axes, still_sliders
-from vtlib.experiments.experiment import Experiment
 
 TINY = evolve(ROOMS_EVALUATION.equations, runs=3, sources=2, iterations=400, every=100)
 MGVT = TINY.transfer_settings("1-MGVT")
 WEIGHTS = 0.1 * np.random.default_rng(0).random((50, TINY.family.q().d), dtype=np.float32)
 
 
-def visible(widget: ui.Widget) -> str:
+def visible(widget):
     """The picture that nested stacks show."""
     while isinstance(widget, ui.Stack):
         widget = widget.children[widget.selected_index]
@@ -64,22 +61,22 @@ def test_the_parameters_cover_the_stored_grid_around_the_thesis_setting():
             parameter_axes({"1-MGVT": evolve(MGVT, **{name: value})}, lambdas)
 
 
-def panel_of(experiment: Experiment = TINY) -> LivePanel:
+def panel_of(experiment=TINY):
     """A panel over stored curves of two algorithms."""
-    dims, values = ("run", "iteration"), np.random.default_rng(0).random((3, 4)) * 0.5
-    data = {"learning": (dims, values), "greedy": (dims, values), "optimum": ("run", np.ones(3))}
+    curve = ("run", "iteration"), np.random.default_rng(0).random((3, 4)) * 0.5
+    data = {"learning": curve, "greedy": curve, "optimum": ("run", np.ones(3))}
     stored = Dataset(data, {"iteration": np.arange(100, 500, 100)})
     return LivePanel(experiment, WEIGHTS, {"NT": stored, "GVT": stored}, runs=2, iterations=200)
 
 
-def parts(panel: LivePanel) -> dict[str, ui.Widget]:
+def parts(panel):
     """The panel's parts by their description, those without one by their kind."""
     above = panel.widget.children
     below = [part for whole in above for part in getattr(whole, "children", ())]
     return {getattr(x, "description", "") or type(x).__name__: x for x in (*above, *below)}
 
 
-def trained(panel: LivePanel) -> str:
+def trained(panel):
     """What the panel says after a training."""
     parts(panel)["Run"].click()
     panel.wait()
@@ -87,7 +84,7 @@ def trained(panel: LivePanel) -> str:
     return parts(panel)["Label"].value
 
 
-def quick(experiment: Experiment, label: str, runs: range, *_: object) -> dict[str, np.ndarray]:
+def quick(experiment, label, runs, *_):
     """What a training to the end would give, at once."""
     at = np.arange(experiment.every, experiment.iterations + 1, experiment.every)
     flat = np.ones((len(runs), len(at)))
@@ -95,7 +92,7 @@ def quick(experiment: Experiment, label: str, runs: range, *_: object) -> dict[s
 
 
 @pytest.fixture
-def figures(monkeypatch) -> Mock:
+def figures(monkeypatch):
     """What draws the figures of a panel, and keeps what it was given."""
     kept = Mock(wraps=widgets.learning_figure)
     monkeypatch.setattr(widgets, "learning_figure", kept)
