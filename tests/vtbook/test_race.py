@@ -18,7 +18,7 @@ SHOWN, ITERATIONS, RUN = {"NT": "left", "1-MGVT": "right"}, 600, 1
 
 
 @pytest.fixture(scope="module")
-def raced() -> tuple[BeautifulSoup, np.ndarray]:
+def raced():
     """The panel, and the positions that it was made of."""
     made, paths = [], race.paths
     with pytest.MonkeyPatch.context() as patch:

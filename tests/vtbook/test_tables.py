@@ -112,8 +112,8 @@ def test_settings_have_a_column_for_each_distinct_one_and_gaps_where_a_parameter
 
 def note(label, seconds, owner="rooms", **algorithm):
     machine = {"processor": f"of {owner}", "torch": "2.9", "numpy": "2.4"}
-    config = {"algorithm": algorithm} if algorithm else {}
-    return dict(owner=owner, label=label, seconds=seconds, machine=machine, config=config)
+    about = {"owner": owner, "label": label, "seconds": seconds, "machine": machine}
+    return about | {"config": {"algorithm": algorithm} if algorithm else {}}
 
 
 def test_the_cost_adds_up_what_is_alike():

@@ -16,7 +16,7 @@ UNDER = float(np.nextafter(np.float32(5), np.float32(0)))  # the last height bel
 IN_LOWER_ROOM = st.tuples(st.floats(0, 10, width=32), st.floats(0, UNDER, width=32))
 
 
-def visited(*runs: list[tuple[float, float]]) -> np.ndarray:
+def visited(*runs):
     """Runs (R, T, 2) that visit these positions."""
     return np.array(runs, dtype=np.float32)
 

@@ -131,26 +131,3 @@ test("the maps begin as the prior: the source's values, and its narrow deviation
     close(deviation[cell], Math.sqrt(variance * shares.reduce((total, x) => total + x ** 2, 0)), 1e-6);
   }
 });
-
-test("training reports, pauses at once, steps and ends", async () => {
-  let hear;
-  const next = () => new Promise((resolve) => { hear = resolve; });
-  const few = { ...setup, iterations: 400, every: 20 };
-  const training = new worker.Training({ wasm, pool: pool.buffer, scales: setup.scales, setup: few },
-    (report) => hear?.(report));
-  const told = (message) => { const heard = next(); training.command(message); return heard; };
-  const begun = await told({ chosen: { ...chosen, seed: 1, fine: true, none: true }, rate: 0 });
-  assert.equal(begun.iteration, 0);
-  assert.deepEqual(Object.keys(begun.curves), ["transfer", "fine", "none"]);
-  assert.equal((await told({ rate: 0, steps: 1 })).iteration, 1);
-  let report = await told({ rate: 1e6 });
-  assert.ok(report.running || report.iteration === 400);
-  const paused = await told({ rate: 0 });
-  assert.equal(paused.running, false);
-  assert.equal((await told({ rate: 0 })).iteration, paused.iteration);
-  report = await told({ rate: 1e6 });
-  while (report.running) report = await next();
-  assert.equal(report.iteration, 400);
-  assert.equal(report.curves.transfer.length, 20);
-  assert.equal((await told({ chosen: { ...chosen, seed: 2 }, rate: 0 })).iteration, 0);
-});
