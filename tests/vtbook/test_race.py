@@ -5,7 +5,6 @@ import re
 from base64 import b64decode
 
 import numpy as np
-import pytest
 from bs4 import BeautifulSoup
 
 from vtbook import race, visits
@@ -17,25 +16,16 @@ HERE = ROOMS_EVALUATION.published
 SHOWN, ITERATIONS, RUN = {"NT": "left", "1-MGVT": "right"}, 600, 1
 
 
-@pytest.fixture(scope="module")
-def raced():
-    """The panel, and the positions that it was made of."""
-    made, paths = [], race.paths
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(race, "paths", lambda *given: made.append(paths(*given)) or made[0])
-        html = race.race(HERE, SHOWN, ITERATIONS, RUN)
-    return BeautifulSoup(html, "html.parser"), made[0]
-
-
-def test_paths_are_those_of_the_runs_one_at_a_time(raced):
-    for label, path in zip(SHOWN, raced[1], strict=True):
+def test_the_page_is_told_where_each_agent_was_and_how_often_it_arrived(monkeypatch):
+    visited = race.paths(HERE, list(SHOWN), ITERATIONS, RUN)
+    for label, path in zip(SHOWN, visited, strict=True):
         batch = prepare(race.evolve(HERE, visits=True), label, [RUN], weights(HERE.pool))
         for _ in batch.moments([200]):
             np.testing.assert_allclose(path[:200], batch.episodes.visited[0], atol=1e-5)
-
-
-def test_the_page_is_told_where_each_agent_was_and_how_often_it_arrived(raced):
-    page, visited = raced
+    asked = []
+    monkeypatch.setattr(race, "paths", lambda *given: asked.append(given) or visited)
+    page = BeautifulSoup(race.race(HERE, SHOWN, ITERATIONS, RUN), "html.parser")
+    assert asked == [(HERE, list(SHOWN), ITERATIONS, RUN)]
     setup = json.loads(page.select_one("script[type='application/json']").string)
     tasks, counts = targets(HERE, [RUN]), visits.arrivals(visited)
     np.testing.assert_allclose(setup["doors"], tasks.doors[0], atol=1e-3)
