@@ -7,9 +7,8 @@ from vtbook.experiments import rooms
 from vtlib.stats import Interval
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def page(cells_of):
-    """The names of the page."""
     return cells_of("deviations")
 
 

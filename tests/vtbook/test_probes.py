@@ -1,5 +1,7 @@
 """The probes of an experiment: what they note, at each look, without disturbing the runs."""
 
+import itertools
+
 import numpy as np
 import pytest
 import torch
@@ -22,8 +24,7 @@ COVERED = {"inside": (2, 2, 2, len(LEVELS)), "off": (2, 2, 2), "truth": (2, 2), 
 def coarse():
     """Plan on a coarse grid: the probes take any plan for the truth."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(plan, "SPACING", 1.0)
-        yield
+        yield patch.setattr(plan, "SPACING", 1.0)
 
 
 @pytest.fixture(scope="module")
@@ -57,10 +58,8 @@ def scaled(agent, factor):
 
 @pytest.mark.parametrize("label", ["2-MGVT", "GVT"])
 def test_looking_disturbs_nothing(rooms, poles, weights, label):
-    for experiment, pool, seen in (
-        (rooms, WEIGHTS, COVERED),
-        (poles, weights[:3], dict.fromkeys(("value", "spread", "step"), (2, 2))),
-    ):
+    stability = dict.fromkeys(("value", "spread", "step"), (2, 2))
+    for experiment, pool, seen in ((rooms, WEIGHTS, COVERED), (poles, weights[:3], stability)):
         arrays = run_batch(experiment, label, [0, 2], pool)
         plain = run_batch(evolve(experiment, probes=0, probe=None), label, [0, 2], pool)
         assert {key: arrays[key].shape for key in arrays.keys() - plain.keys()} == seen
@@ -74,11 +73,10 @@ def test_looking_disturbs_nothing(rooms, poles, weights, label):
 
 def test_the_truths_are_the_planned_values_of_each_runs_own_task(rooms, probe):
     tasks = targets(rooms, [0, 2])
-    for row in range(2):
-        for which, kappa in enumerate((None, 50.0)):
-            values = plan.plan_rooms(tasks, row, None, kappa).q(probe._obs[row])
-            expected = values[torch.arange(40), probe._action[row]]
-            torch.testing.assert_close(probe._truths[which, row], expected)
+    for row, (which, kappa) in itertools.product(range(2), enumerate((None, 50.0))):
+        values = plan.plan_rooms(tasks, row, None, kappa).q(probe._obs[row])
+        expected = values[torch.arange(40), probe._action[row]]
+        torch.testing.assert_close(probe._truths[which, row], expected)
     assert set(probe._action.flatten().tolist()) == {0, 1, 2, 3}
 
 

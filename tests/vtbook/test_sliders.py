@@ -1,6 +1,5 @@
 """Sliders over stored settings: the right runs beside each other, and words true of them."""
 
-import itertools
 from unittest.mock import Mock
 
 import numpy as np
@@ -23,8 +22,8 @@ USUAL = (1e-6, 0.5, "1-MGVT")
 def runs(level, count=4, times=3, **told):
     """Returns about a level, of runs whose optimum is 0.8."""
     noise = np.random.default_rng(0).normal(0, 0.01, (count, times))
-    kinds = dict.fromkeys(("learning", "greedy"), (("run", "iteration"), level + noise))
-    data = {**kinds, "optimum": ("run", np.full(count, 0.8))}
+    data = dict.fromkeys(("learning", "greedy"), (("run", "iteration"), level + noise))
+    data["optimum"] = "run", [0.8] * count
     return Dataset(data, {"iteration": 100 * np.arange(1, times + 1)}, told)
 
 
@@ -46,8 +45,8 @@ def pictures(monkeypatch):
 def test_each_place_of_the_sliders_shows_its_own_runs_with_words_true_of_them(pictures):
     thesis = slider_thesis(AROUND)
     axes, picture = sliders.setting_sliders(GRID, thesis, lambda: {"NT": runs(0.1)})
-    values = [[value for _, value in axis.options] for axis in axes]
-    assert values == [list(LAMBDAS), list(PSIS), list(POSTERIORS)]
+    values = [tuple(value for _, value in axis.options) for axis in axes]
+    assert values == [LAMBDAS, PSIS, POSTERIORS]
     assert [axis.options[axis.start][1] for axis in axes] == list(USUAL)
     words = picture(1e-4, 1.0, "3-MGVT")
     references, own, *_ = pictures.call_args.args
@@ -63,11 +62,13 @@ def test_each_place_of_the_sliders_shows_its_own_runs_with_words_true_of_them(pi
 
 
 def test_the_number_of_sources_is_a_slider_of_its_own(pictures):
-    counted = itertools.product(GRID.algorithms.items(), (2, 5))
-    grid = evolve(GRID, algorithms={count_name(x, n): one for (x, one), n in counted})
-    axes, picture = sliders.setting_sliders(
-        grid, slider_thesis(AROUND), lambda n: {f"NT {n}": runs(0.1)}, counts=(2, 5)
+    counted = {count_name(x, n): one for x, one in GRID.algorithms.items() for n in (2, 5)}
+    given = (
+        evolve(GRID, algorithms=counted),
+        slider_thesis(AROUND),
+        lambda n: {f"NT {n}": runs(0.1)},
     )
+    axes, picture = sliders.setting_sliders(*given, counts=(2, 5))
     assert ([value for _, value in axes[-1].options], axes[-1].start) == ([2, 5], 1)
     picture(*USUAL, 2)
     references, own, *_ = pictures.call_args.args

@@ -118,8 +118,7 @@ def note(label, seconds, owner="rooms", **algorithm):
 
 def test_the_cost_adds_up_what_is_alike():
     notes = [
-        note("sources", 40.4),
-        note("tasks", 2),
+        note("tasks", 2.4),
         note("A-from-2", 10.3, psi=0.5),
         note("B", 5, psi=0.6),
         note("A-from-3", 20.3, psi=0.5),
@@ -127,7 +126,6 @@ def test_the_cost_adds_up_what_is_alike():
     ]
     versions = "torch 2.9, numpy 2.4"
     assert rows_of(tables.cost_table(notes))[1:] == [
-        ["rooms/sources", "40", "of rooms", versions],
         ["rooms/tasks", "2", "of rooms", versions],
         ["rooms/A-from-2 to A-from-3", "31", "of rooms", versions],
         ["rooms/B", "5", "of rooms", versions],
