@@ -31,7 +31,7 @@ TIMES = np.array([500, 1_000, 1_500])
 @pytest.mark.parametrize("stronger", ["", "low", "high"])
 def test_a_claim_is_decided_by_where_its_whole_interval_lies(low, high, plain, stronger):
     found = {"published": Interval((low + high) / 2, low, high)}
-    claim = Claim("text", "number", found, None, 0.2, 0.8, stronger)
+    claim = Claim("", "", found, None, 0.2, 0.8, stronger)
     beyond = {"low": high < 0.2, "high": low > 0.8, "": False}[stronger]
     assert claim.verdict("published") == (STRONGER if beyond else plain)
     assert claim.bounds == "0.2 to 0.8"
@@ -130,15 +130,14 @@ def figure(monkeypatch):
 
 def test_a_claim_is_measured_alike_in_both_protocols_and_on_the_published_curves(figure):
     claim = figure.claim("text", "n", lambda a, b: a.gain(b, 500), "B", "A", low=0.1, ours=True)
-    centres = {x: float(found.centre) for x, found in claim.found.items()}
-    assert centres == {"published": 0.5, "equations": 0.0}
+    assert {x: one.centre for x, one in claim.found.items()} == {"published": 0.5, "equations": 0}
     # the published curves are shares of the optimum of our runs
     assert near(claim.printed, 0.0, 0.25 * 2**0.5 / 4)
     assert [claim.verdict(x) for x in claim.found] == [REPRODUCED, NOT]
     assert (claim.low, claim.high, claim.ours) == (0.1, np.inf, True)
-    alone = figure.claim("text", "n", lambda a: a.share(500), "A", printed=False)
-    assert alone.printed is None
-    assert Figure(figure.protocols).claim("", "", lambda a: a.share(500), "A").printed is None
+    alone = "", "", lambda a: a.share(500), "A"
+    assert figure.claim(*alone, printed=False).printed is None
+    assert Figure(figure.protocols).claim(*alone).printed is None
 
 
 def test_curves_overlap_where_both_were_recorded_and_their_intervals_meet(figure, monkeypatch):

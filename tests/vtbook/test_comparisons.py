@@ -80,8 +80,7 @@ def test_a_ratio_of_deviations_is_that_of_the_runs_and_resamples_them_in_pairs()
 
 
 def test_the_probability_of_improvement_counts_pairs_of_a_task():
-    tasks = np.array([0, 1, 0, 1, 1])
-    a, b = np.array([1.0, 9.0, 2.0, 9.0, 9.0]), np.array([0.0, 9.0, 1.0, 9.0, 9.0])
+    tasks, a, b = np.array([[0, 1, 0, 1, 1], [1, 9, 2, 9, 9], [0, 9, 1, 9, 9]])
     # task 0: three wins and a tie in four pairs; task 1: nine ties
     expected = (3.5 / 4 + 0.5) / 2
     assert improvement_interval(a, b, rng(), tasks, 50).centre == pytest.approx(expected)

