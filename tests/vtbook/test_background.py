@@ -59,16 +59,11 @@ def test_a_conjugate_problem_has_its_known_evidence_and_posterior(background):
     assert background.log_evidence(prior, noise) == pytest.approx(total)
     exact = background.gaussian(deviation**2 * (0.4 / 0.8**2 + 1.8 / 0.5**2), deviation)
     np.testing.assert_allclose(background.log_posterior(prior, noise), exact, rtol=1e-9)
-    assert background.elbo(prior, noise, exact) == pytest.approx(total)
-
-
-@pytest.mark.parametrize(("mean", "deviation"), [(-1.3, 0.15), (0.0, 0.9), (0.7, 0.3)])
-def test_elbo_and_kl_add_up_to_the_evidence(background, mean, deviation):
-    log_q = background.gaussian(mean, deviation)
-    gap = background.kl(log_q, background.posterior)
-    assert gap > 0.1
-    bound = background.elbo(*background.problem, log_q)
-    assert bound + gap == pytest.approx(background.log_evidence(*background.problem), abs=1e-9)
+    # the bound misses the evidence by the KL divergence from the posterior
+    for log_q in (exact, *map(background.gaussian, (-1.3, 0.0, 0.7), (0.15, 0.9, 0.3))):
+        gap = background.kl(log_q, exact)
+        assert gap > 0.1 or log_q is exact
+        assert background.elbo(prior, noise, log_q) + gap == pytest.approx(total, abs=1e-9)
 
 
 @pytest.mark.parametrize("beta", [0.1, 1.0, 4.0])
@@ -84,9 +79,7 @@ def test_no_other_posterior_has_a_smaller_bound(background, beta):
     least, *bounds = [background.catoni_bound(*part, len(losses), beta) for part in parts]
     assert least == pytest.approx(background.risks(losses, 1 / beta)[2])
     assert all(bound > least for bound in bounds)
-
-
-def test_a_small_beta_recovers_fit_and_a_charge_for_the_distance(background):
+    # a small beta recovers the fit, and a charge for the distance
     small = background.catoni_bound(0.2, 1.5, 10**9, 1e-4)
     assert small == pytest.approx(0.2 + (1.5 + np.log(20)) / (1e-4 * 1e9), rel=1e-3)
 
@@ -95,7 +88,7 @@ def test_the_bound_fails_in_no_more_than_delta_of_the_samples(background):
     rng = np.random.default_rng(4)
     losses = background.draw_losses(100_000, rng)
     assert np.abs(losses.mean(0) - background.TRUE_RISK).max() < 0.008
-    fresh = [background.risks(background.draw_losses(50, rng), 1.0) for _ in range(300)]
+    fresh = [background.risks(x, 1.0) for x in losses[:15_000].reshape(300, 50, -1)]
     empirical, true, bound = np.transpose(fresh)
     assert np.mean(true > bound) <= background.DELTA
     assert np.mean(true > empirical) > 0.3  # the empirical risk itself is no bound

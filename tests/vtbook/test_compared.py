@@ -30,16 +30,11 @@ def test_every_algorithm_has_the_same_budget_of_different_settings_from_its_spac
 
 
 @EACH
-def test_what_is_drawn_is_set_and_nothing_else(e):
-    for label in SPACES:
+def test_what_is_drawn_is_set_and_nothing_else_and_what_earns_most_in_tuning_is_chosen(e):
+    for label, number in zip(SPACES, e.chosen, strict=True):
         default, *others = e.candidates(label)
         expected = [fields(default) | values for values in drawn(label)]
         assert [fields(one) for one in others] == expected
-
-
-@EACH
-def test_the_chosen_setting_is_the_one_that_earns_most_in_tuning(e):
-    for label, number in zip(SPACES, e.chosen, strict=True):
         stayed = [k for k in range(BUDGET) if candidate(label, k) not in e.diverged]
         means = [e.earned(e.tuning(), candidate(label, k)).mean() for k in stayed]
         assert number == stayed[int(np.argmax(means))], label

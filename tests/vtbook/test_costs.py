@@ -1,7 +1,5 @@
 """What sources cost, by hand, where runs solve their task, do so at last, or never."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from xarray import Dataset
@@ -10,31 +8,31 @@ from vtbook.costs import cost, steps_to_solve
 from vtlib.stats import mean_interval
 
 POOL = Dataset({"iterations": ("source", [1_000, 3_000])})
+FLOOR = -90.0  # from which nine tenths of the way to the optimum of -40 lie at -45
 
 
-def runs(*reached: float, optimum: float = 10.0, level: float = 9.0, floor: float = 0.0) -> Dataset:
-    """Runs that earn a level from such an iteration on, infinity for never, and a floor before."""
+def runs(*reached, level=-45.0):
+    """Runs that earn a level from such an iteration on, infinity for never, the floor before."""
     times = np.array([100, 200, 300])
-    learning = np.where(times >= np.array(reached)[:, None], level, floor)
-    best = ("run", np.full(len(reached), optimum))
-    data = {"learning": (("run", "iteration"), learning), "optimum": best}
-    return Dataset(data, {"iteration": times})
+    learning = np.where(times >= np.array(reached)[:, None], level, FLOOR)
+    data = {"learning": (("run", "iteration"), learning)}
+    return Dataset(data | {"optimum": ("run", [-40.0] * len(reached))}, {"iteration": times})
 
 
 def test_a_task_is_solved_the_first_time_at_nine_tenths_of_the_way_from_the_floor():
     some = runs(100, 300, 200, np.inf)
-    some.learning[2, 2] = 0.0  # lost again
+    some.learning[2, 2] = FLOOR  # lost again
     for one in (some, some.transpose("iteration", "run")):
-        np.testing.assert_array_equal(steps_to_solve(one), [100, 300, 200, np.nan])
-    assert np.isnan(steps_to_solve(runs(100, level=8.999))).all()
-    # from a floor of -90 to an optimum of -40 nine tenths lie at -45
-    for level, steps in ((-45.0, 200.0), (-45.1, np.nan)):
-        car = runs(200, optimum=-40.0, level=level, floor=-90.0)
-        np.testing.assert_array_equal(steps_to_solve(car, floor=-90.0), [steps])
+        np.testing.assert_array_equal(steps_to_solve(one, FLOOR), [100, 300, 200, np.nan])
+    assert np.isnan(steps_to_solve(runs(100, level=-45.1), FLOOR)).all()
+    # from a floor of 0 they lie at -36
+    found = [steps_to_solve(runs(100, level=level))[0] for level in (-36.0, -36.1)]
+    np.testing.assert_array_equal(found, [100, np.nan])
 
 
 def test_runs_that_never_solve_count_with_all_their_steps():
-    found = cost(POOL, 10, runs(100, 100, 200, np.inf), runs(300, np.inf, 200, np.inf))
+    pair = runs(100, 100, 200, np.inf), runs(300, np.inf, 200, np.inf)
+    found = cost(POOL, 10, *pair, FLOOR)
     assert found.sources == 20_000  # ten of 2,000 steps
     np.testing.assert_array_equal(found.with_transfer, [100, 100, 200, 300])
     np.testing.assert_array_equal(found.without, [300, 300, 200, 300])
@@ -42,15 +40,6 @@ def test_runs_that_never_solve_count_with_all_their_steps():
     # paired: 200, 200, 0 and 0
     assert found.saved == mean_interval(np.array([200.0, 200, 0, 0]))
     assert found.tasks == pytest.approx(200)
-
-
-def test_what_saves_nothing_never_pays():
-    for without in (100, 200):
-        assert cost(POOL, 1, runs(200, 200), runs(without, without)).tasks == np.inf
-
-
-def test_the_floor_holds_for_both():
-    car = runs(100, 300, optimum=-40.0, level=-45.0, floor=-90.0)
-    for floor, unsolved in ((-90.0, 0), (0.0, 2)):
-        found = cost(POOL, 1, car, car, floor)
-        assert (found.unsolved, found.unsolved_without) == (unsolved, unsolved)
+    # what saves nothing never pays
+    for one in pair:
+        assert cost(POOL, 1, one, pair[0], FLOOR).tasks == np.inf

@@ -19,24 +19,21 @@ OPTIMUM = np.linspace(0.5, 1.0, 10)
 @pytest.fixture
 def stored(monkeypatch):
     """Runs at these doors: 1-MGVT earns half of its optimum, GVT the square of that share."""
-    tasks = {"doors": (("run", "doors_1"), DOORS[:, None]), "optimum": ("run", OPTIMUM)}
+    tasks = Dataset({"doors": (("run", "doors_1"), DOORS[:, None]), "optimum": ("run", OPTIMUM)})
 
-    def returns(experiment: object, label: str) -> Dataset:
+    def returns(_, label):
         share = {"1-MGVT": 0.5, "GVT": 0.25}[label] * np.resize([1.1, 0.9], 10)
-        learning = np.stack([share * OPTIMUM * (1 + t / 4_000) for t in likelihood.AT], 1)
-        data = {"learning": (("run", "iteration"), learning), "optimum": ("run", OPTIMUM)}
-        return Dataset(data, {"iteration": list(likelihood.AT)})
+        learning = np.outer(share * OPTIMUM, 1 + np.array(likelihood.AT) / 4_000)
+        return tasks.assign(learning=(("run", "iteration"), learning), iteration=[*likelihood.AT])
 
-    monkeypatch.setattr(likelihood, "load", lambda *_: Dataset(tasks))
+    monkeypatch.setattr(likelihood, "load", lambda *_: tasks)
     monkeypatch.setattr(likelihood, "returns", returns)
 
 
-def test_a_bin_holds_the_likelihoods_up_to_its_upper_edge(stored):
-    np.testing.assert_allclose(likelihood.likelihoods(PUBLISHED), LIKELIHOODS)
-    np.testing.assert_array_equal(likelihood.bin_of(PUBLISHED), np.arange(5).repeat(2))
-
-
 def test_bins_hold_shares_of_each_runs_optimum_and_the_published_ones_of_theirs(stored):
+    np.testing.assert_allclose(likelihood.likelihoods(PUBLISHED), LIKELIHOODS)
+    # up to the upper edge
+    np.testing.assert_array_equal(likelihood.bin_of(PUBLISHED), np.arange(5).repeat(2))
     found = likelihood.binned()
     assert set(found) == {"published", "equations", "printed"}
     for name in ("published", "equations"):

@@ -1,8 +1,5 @@
 """Every moving formula of the pages: each slider changes the picture and is named in its text."""
 
-from __future__ import annotations
-
-import itertools
 import re
 
 import pytest
@@ -16,13 +13,14 @@ IMAGE = re.compile(r'<img alt="([^"]+)".* src="data:image/png;base64,([^"]+)">')
 
 
 @pytest.mark.parametrize(("name", "figure"), MOVING)
-def test_a_slider_changes_the_picture_and_the_text_that_names_it(cells_of, name: str, figure: str):
+def test_a_slider_changes_the_picture_and_the_text_that_names_it(cells_of, name, figure):
     axes, draw = cells_of(name)[f"fig-{figure}"]
-    ends = [[axis.options[0][1], axis.options[-1][1]] for axis in axes]
+    first, last = ([axis.options[i][1] for axis in axes] for i in (0, -1))
     seen = {}
-    for values in itertools.product(*ends):
+    for moved in range(len(axes) + 1):  # from one end to the other, slider by slider
+        values = last[:moved] + first[moved:]
         text, image = IMAGE.fullmatch(draw(*values)).groups()
         seen[text] = image
         for value in values:
             assert re.search(rf"[ =]({value:g}|{value:.2g})\b", text), (value, text)
-    assert len(seen) == len(set(seen.values())) == 2 ** len(axes)
+    assert len(seen) == len(set(seen.values())) == len(axes) + 1

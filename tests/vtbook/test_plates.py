@@ -1,14 +1,11 @@
 """Plate diagrams of the pages: arrows meet borders, plates hold their nodes, labels fit."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
 import pytest
-from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.patches import Circle, FancyBboxPatch, Rectangle
+from matplotlib.patches import Circle, FancyBboxPatch
 from matplotlib.text import Annotation
 from matplotlib.transforms import Bbox
 
@@ -16,28 +13,28 @@ from vtbook.plates import INCHES, RADIUS, SIDE
 
 
 @pytest.fixture(params=[("related", "fig-hierarchies"), ("setting", "fig-setting")])
-def ax(request, cells_of) -> Axes:
+def ax(request, cells_of):
     """Diagrams as a page draws them."""
     name, figure = request.param
     FigureCanvasAgg(cells_of(name)[figure]).draw()
     return cells_of(name)[figure].axes[0]
 
 
-def box(artist) -> Bbox:
+def box(artist):
     """What an artist covers, in units of its diagram."""
     return artist.axes.transData.inverted().transform_bbox(artist.get_window_extent())
 
 
-def depth(border: Circle | Rectangle, point: np.ndarray) -> float:
+def depth(border, point):
     """How far within a border a point lies."""
     apart = np.abs(point - border.get_center())
     return RADIUS - math.hypot(*apart) if isinstance(border, Circle) else SIDE / 2 - max(apart)
 
 
-def test_an_arrow_joins_two_borders_and_crosses_no_other_and_no_label(ax: Axes):
+def test_an_arrow_joins_two_borders_and_crosses_no_other_and_no_label(ax):
     borders = [patch for patch in ax.patches if not isinstance(patch, FancyBboxPatch)]
     labels = [box(text) for text in ax.texts if text.get_text()]
-    for text in filter(lambda text: isinstance(text, Annotation), ax.texts):
+    for text in (x for x in ax.texts if isinstance(x, Annotation)):
         path = text.arrow_patch._get_path_in_displaycoord()[0][0].vertices
         line = ax.transData.inverted().transform(np.linspace(path[0], path[-1], 100))
         depths = np.array([[depth(border, point) for point in line] for border in borders])
@@ -48,7 +45,7 @@ def test_an_arrow_joins_two_borders_and_crosses_no_other_and_no_label(ax: Axes):
         assert not any(label.contains(*point) for label in labels for point in line)
 
 
-def test_diagrams_are_on_one_scale_and_within_the_figure(ax: Axes):
+def test_diagrams_are_on_one_scale_and_within_the_figure(ax):
     scale = np.diff(ax.transData.transform([(0, 0), (1, 1)]), axis=0)[0]
     assert scale / ax.figure.dpi == pytest.approx([INCHES, INCHES])
     drawn = Bbox.union([artist.get_window_extent() for artist in (*ax.patches, *ax.texts)])

@@ -1,11 +1,13 @@
 """The probes of an experiment: what they note, at each look, without disturbing the runs."""
 
+import itertools
+
 import numpy as np
 import pytest
 import torch
 from attrs import evolve
 
-from vtbook.coverage import LEVELS
+from vtbook.coverage import LEVELS, values_at
 from vtbook.probes import CoverageProbe, StabilityProbe
 from vtlib.envs.rooms import RoomsFamily, plan
 from vtlib.experiments.experiment import Pool
@@ -22,8 +24,7 @@ COVERED = {"inside": (2, 2, 2, len(LEVELS)), "off": (2, 2, 2), "truth": (2, 2), 
 def coarse():
     """Plan on a coarse grid: the probes take any plan for the truth."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(plan, "SPACING", 1.0)
-        yield
+        yield patch.setattr(plan, "SPACING", 1.0)
 
 
 @pytest.fixture(scope="module")
@@ -57,10 +58,8 @@ def scaled(agent, factor):
 
 @pytest.mark.parametrize("label", ["2-MGVT", "GVT"])
 def test_looking_disturbs_nothing(rooms, poles, weights, label):
-    for experiment, pool, seen in (
-        (rooms, WEIGHTS, COVERED),
-        (poles, weights[:3], dict.fromkeys(("value", "spread", "step"), (2, 2))),
-    ):
+    stability = dict.fromkeys(("value", "spread", "step"), (2, 2))
+    for experiment, pool, seen in ((rooms, WEIGHTS, COVERED), (poles, weights[:3], stability)):
         arrays = run_batch(experiment, label, [0, 2], pool)
         plain = run_batch(evolve(experiment, probes=0, probe=None), label, [0, 2], pool)
         assert {key: arrays[key].shape for key in arrays.keys() - plain.keys()} == seen
@@ -74,11 +73,10 @@ def test_looking_disturbs_nothing(rooms, poles, weights, label):
 
 def test_the_truths_are_the_planned_values_of_each_runs_own_task(rooms, probe):
     tasks = targets(rooms, [0, 2])
-    for row in range(2):
-        for which, kappa in enumerate((None, 50.0)):
-            values = plan.plan_rooms(tasks, row, None, kappa).q(probe._obs[row])
-            expected = values[torch.arange(40), probe._action[row]]
-            torch.testing.assert_close(probe._truths[which, row], expected)
+    for row, (which, kappa) in itertools.product(range(2), enumerate((None, 50.0))):
+        values = plan.plan_rooms(tasks, row, None, kappa).q(probe._obs[row])
+        expected = values[torch.arange(40), probe._action[row]]
+        torch.testing.assert_close(probe._truths[which, row], expected)
     assert set(probe._action.flatten().tolist()) == {0, 1, 2, 3}
 
 
@@ -90,9 +88,8 @@ def test_a_wide_posterior_covers_more_than_a_narrow_one_which_errs_as_its_mean(r
     assert (np.diff(wide) >= 0).all()
     assert (narrow < 0.1).all()
     assert (wide > 0.9 * np.array(LEVELS)).all()
-    values = Q.q(agent.mu.detach(), Q.prepare(probe._obs))[:, 0]
-    chosen = values.gather(1, probe._action.unsqueeze(1)).squeeze(1)
-    expected = (chosen - probe._truths).mean(-1).T
+    values = values_at(Q, agent.mu.detach(), probe._obs, probe._action)[:, 0]
+    expected = (values - probe._truths).mean(-1).T
     np.testing.assert_allclose(probe.arrays["off"][:, 0], expected, atol=1e-4)
     assert (probe.arrays["apart"] == 0).all()  # of one component
 
@@ -100,29 +97,25 @@ def test_a_wide_posterior_covers_more_than_a_narrow_one_which_errs_as_its_mean(r
 def test_components_are_as_far_apart_as_their_values_deviate(rooms, probe):
     agent = prepare(rooms, "2-MGVT", [0, 2], WEIGHTS).agent
     probe.look(agent)
-    for row, weights in enumerate(agent.mu.detach()):
-        values = [Q.q(one[None, None], Q.prepare(probe._obs[row][None]))[0, 0] for one in weights]
-        one, other = (x.gather(0, probe._action[row][None])[0] for x in values)
-        # of two numbers: half their distance
-        expected = float((one - other).abs().mean() / 2)
-        assert probe.arrays["apart"][row, 0] == pytest.approx(expected, rel=1e-4)
+    one, other = values_at(Q, agent.mu.detach(), probe._obs, probe._action).unbind(1)
+    # of two numbers: half their distance
+    expected = (one - other).abs().mean(-1) / 2
+    np.testing.assert_allclose(probe.arrays["apart"][:, 0], expected, rtol=1e-4)
 
 
 def test_the_value_is_the_mean_networks_and_spread_and_step_scale_with_the_factor(poles, weights):
-    noted, q = [], poles.family.q()
+    noted, q, gvt = [], poles.family.q(), poles.algorithms["GVT"]
     for scale in (1.0, 0.01):
-        settings = evolve(poles.algorithms["GVT"], alpha_L=1e-4 * scale)
-        changed = evolve(poles, algorithms={"GVT": settings})
+        changed = evolve(poles, algorithms={"GVT": evolve(gvt, alpha_L=1e-4 * scale)})
         batch = prepare(changed, "GVT", [0], weights[:3])
         obs = batch.episodes.obs.clone()
         list(batch.moments([1]))  # one transition is all that it remembers
         probe = StabilityProbe(changed, "GVT", [0], targets(changed, [0]))
         probe.look(scaled(batch.agent, 1e-3 * scale))
         values = q.q(batch.agent.mu.detach(), q.prepare(obs.unsqueeze(1)))
-        expected = float(mellowmax(values[0, 0, :, 0], settings.kappa))
-        assert probe.arrays["value"][0, 0] == pytest.approx(expected, rel=1e-5)
+        expected = float(mellowmax(values[0, 0, :, 0], gvt.kappa))
         noted.append(probe.arrays)
-    first, second = noted
-    assert (first["spread"] > 0).all()
+        assert noted[-1]["value"][0, 0] == pytest.approx(expected, rel=1e-5)
     for key in ("spread", "step"):
-        np.testing.assert_allclose(second[key], 0.01 * first[key], rtol=0.05)
+        assert (noted[0][key] > 0).all()
+        np.testing.assert_allclose(noted[1][key], 0.01 * noted[0][key], rtol=0.05)

@@ -10,14 +10,8 @@ from vtbook.experiments.cartpole import CARTPOLE
 from vtlib.experiments.run import chosen_sources, targets
 from vtlib.transfer import Settings
 
-ALL = [
-    rooms.ROOMS_EVALUATION,
-    rooms.ROOMS_CHANGE,
-    rooms.ROOMS_EXPLORATION,
-    rooms.ROOMS_LIKELIHOOD,
-    rooms.ROOMS_SOURCES,
-    CARTPOLE,
-]
+NAMES = ("EVALUATION", "CHANGE", "EXPLORATION", "LIKELIHOOD", "SOURCES")
+ALL = [*(getattr(rooms, f"ROOMS_{name}") for name in NAMES), CARTPOLE]
 # Variants of the rooms' evaluation, and what each has of its own beside algorithms.
 VARIANTS = [
     (rooms.ROOMS_INGREDIENTS, set()),
@@ -32,7 +26,7 @@ TWO_AT_ONCE = {  # one alone cannot be changed, or was changed before
 }
 
 
-def changed(a: object, b: object) -> set[str]:
+def changed(a, b):
     """Fields in which two configurations of one class differ."""
     assert type(a) is type(b)
     return {x.name for x in attrs.fields(type(a)) if getattr(a, x.name) != getattr(b, x.name)}
@@ -53,9 +47,8 @@ def test_protocols_share_streams_and_differ_in_the_method_alone(protocols):
         runs = range(published.runs)
         drawn = [(chosen_sources(e, runs), e.family.values(targets(e, runs))) for e in protocols]
         np.testing.assert_equal(*drawn)
-    for label, algorithm in equations.algorithms.items():
-        one = published.algorithms[label]
-        assert isinstance(one, Settings) or one == algorithm, label
+    for label, one in equations.algorithms.items():
+        assert isinstance(one, Settings) or one == published.algorithms[label], label
 
 
 @pytest.mark.parametrize("protocols", ALL[:-1], ids=lambda x: x.published.name)
@@ -77,8 +70,6 @@ def test_variants_have_a_twin_in_the_figure_they_explain(experiment, own):
     assert (chosen_sources(experiment, runs) == chosen_sources(figure, runs)).all()
     for label, algorithm in experiment.algorithms.items():
         name, _, change = label.partition(", ")
-        found = changed(algorithm, figure.algorithms[name])
-        if change == "equations":
-            assert algorithm == equations.algorithms[name]
-        else:
-            assert len(found) == bool(change) or found == TWO_AT_ONCE[label], label
+        twin = equations if change == "equations" else figure
+        found = changed(algorithm, twin.algorithms[name])
+        assert len(found) == (change not in ("", "equations")) or found == TWO_AT_ONCE[label], label

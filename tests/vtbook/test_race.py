@@ -1,13 +1,11 @@
 """The race of the first page: two runs as they went, told to the page in few bytes."""
 
-from __future__ import annotations
-
 import json
 import re
 from base64 import b64decode
+from unittest.mock import Mock
 
 import numpy as np
-import pytest
 from bs4 import BeautifulSoup
 
 from vtbook import race, visits
@@ -16,30 +14,25 @@ from vtlib.experiments.run import prepare, targets
 from vtlib.experiments.store import weights
 
 HERE = ROOMS_EVALUATION.published
-SHOWN, ITERATIONS, RUN = {"NT": "left", "1-MGVT": "right"}, 600, 1
+SHOWN, RUN = {"NT": "left", "1-MGVT": "right"}, 1
 
 
-@pytest.fixture(scope="module")
-def raced() -> tuple[BeautifulSoup, np.ndarray]:
-    """The panel, and the positions that it was made of."""
-    made, paths = [], race.paths
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(race, "paths", lambda *given: made.append(paths(*given)) or made[0])
-        html = race.race(HERE, SHOWN, ITERATIONS, RUN)
-    return BeautifulSoup(html, "html.parser"), made[0]
-
-
-def test_paths_are_those_of_the_runs_one_at_a_time(raced):
-    for label, path in zip(SHOWN, raced[1], strict=True):
+def test_paths_are_those_of_the_runs_one_at_a_time():
+    for label, path in zip(SHOWN, race.paths(HERE, list(SHOWN), 100, RUN), strict=True):
         batch = prepare(race.evolve(HERE, visits=True), label, [RUN], weights(HERE.pool))
-        for _ in batch.moments([200]):
-            np.testing.assert_allclose(path[:200], batch.episodes.visited[0], atol=1e-5)
+        for _ in batch.moments([100]):
+            np.testing.assert_allclose(path, batch.episodes.visited[0], atol=1e-5)
 
 
-def test_the_page_is_told_where_each_agent_was_and_how_often_it_arrived(raced):
-    page, visited = raced
+def test_the_page_is_told_where_each_agent_was_and_how_often_it_arrived(monkeypatch):
+    visited = np.random.default_rng(0).uniform(0, 10, (2, 600, 2))
+    paths = Mock(return_value=visited)
+    monkeypatch.setattr(race, "paths", paths)
+    page = BeautifulSoup(race.race(HERE, SHOWN, 600, RUN), "html.parser")
+    paths.assert_called_once_with(HERE, list(SHOWN), 600, RUN)
     setup = json.loads(page.select_one("script[type='application/json']").string)
     tasks, counts = targets(HERE, [RUN]), visits.arrivals(visited)
+    assert counts.min() > 0
     np.testing.assert_allclose(setup["doors"], tasks.doors[0], atol=1e-3)
     np.testing.assert_allclose(setup["walls"], tasks.walls, atol=1e-3)
     for told, path, count in zip(setup["runs"], visited, counts, strict=True):

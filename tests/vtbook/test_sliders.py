@@ -1,8 +1,5 @@
 """Sliders over stored settings: the right runs beside each other, and words true of them."""
 
-from __future__ import annotations
-
-import itertools
 from unittest.mock import Mock
 
 import numpy as np
@@ -14,7 +11,6 @@ from vtbook import sliders, widgets
 from vtbook.claims import Runs
 from vtbook.experiments.grids import count_name, slider_thesis, sliders_of
 from vtbook.experiments.rooms import ROOMS_EVALUATION
-from vtlib.experiments.experiment import Experiment
 from vtlib.stats import Interval
 
 AROUND = ROOMS_EVALUATION.equations
@@ -23,21 +19,21 @@ GRID = sliders_of(AROUND, "grid", 4, 300, LAMBDAS, PSIS, POSTERIORS)
 USUAL = (1e-6, 0.5, "1-MGVT")
 
 
-def runs(level: float, count: int = 4, times: int = 3, **told: str) -> Dataset:
+def runs(level, count=4, times=3, **told):
     """Returns about a level, of runs whose optimum is 0.8."""
     noise = np.random.default_rng(0).normal(0, 0.01, (count, times))
-    kinds = dict.fromkeys(("learning", "greedy"), (("run", "iteration"), level + noise))
-    data = {**kinds, "optimum": ("run", np.full(count, 0.8))}
+    data = dict.fromkeys(("learning", "greedy"), (("run", "iteration"), level + noise))
+    data["optimum"] = "run", [0.8] * count
     return Dataset(data, {"iteration": 100 * np.arange(1, times + 1)}, told)
 
 
-def named(_: Experiment, name: str) -> Dataset:
+def named(_, name):
     """Stored runs that tell their name, and by their level their psi."""
     return runs(0.2 if "psi-1" in name else 0.4, name=name)
 
 
 @pytest.fixture
-def pictures(monkeypatch) -> Mock:
+def pictures(monkeypatch):
     """What is asked for pictures, which show nothing; sliders stay in parts."""
     asked = Mock(return_value="<img>")
     monkeypatch.setattr(sliders, "returns", named)
@@ -49,8 +45,8 @@ def pictures(monkeypatch) -> Mock:
 def test_each_place_of_the_sliders_shows_its_own_runs_with_words_true_of_them(pictures):
     thesis = slider_thesis(AROUND)
     axes, picture = sliders.setting_sliders(GRID, thesis, lambda: {"NT": runs(0.1)})
-    values = [[value for _, value in axis.options] for axis in axes]
-    assert values == [list(LAMBDAS), list(PSIS), list(POSTERIORS)]
+    values = [tuple(value for _, value in axis.options) for axis in axes]
+    assert values == [LAMBDAS, PSIS, POSTERIORS]
     assert [axis.options[axis.start][1] for axis in axes] == list(USUAL)
     words = picture(1e-4, 1.0, "3-MGVT")
     references, own, *_ = pictures.call_args.args
@@ -66,11 +62,13 @@ def test_each_place_of_the_sliders_shows_its_own_runs_with_words_true_of_them(pi
 
 
 def test_the_number_of_sources_is_a_slider_of_its_own(pictures):
-    counted = itertools.product(GRID.algorithms.items(), (2, 5))
-    grid = evolve(GRID, algorithms={count_name(x, n): one for (x, one), n in counted})
-    axes, picture = sliders.setting_sliders(
-        grid, slider_thesis(AROUND), lambda n: {f"NT {n}": runs(0.1)}, counts=(2, 5)
+    counted = {count_name(x, n): one for x, one in GRID.algorithms.items() for n in (2, 5)}
+    given = (
+        evolve(GRID, algorithms=counted),
+        slider_thesis(AROUND),
+        lambda n: {f"NT {n}": runs(0.1)},
     )
+    axes, picture = sliders.setting_sliders(*given, counts=(2, 5))
     assert ([value for _, value in axes[-1].options], axes[-1].start) == ([2, 5], 1)
     picture(*USUAL, 2)
     references, own, *_ = pictures.call_args.args
@@ -79,18 +77,18 @@ def test_the_number_of_sources_is_a_slider_of_its_own(pictures):
 
 
 @pytest.mark.parametrize(
-    ("setting", "gap", "means"),
+    ("lambda_", "psi", "gap", "means"),
     [
-        ((1e-4, 0.5, "GVT"), (-0.1, 0.1), "nothing that these runs could tell"),
-        ((1e-4, 0.5, "GVT"), (0.1, 0.2), "better here than the thesis' choice"),
-        ((1e-4, 0.5, "GVT"), (-0.2, -0.1), "held too close to its sources"),
-        ((1e-8, 0.5, "GVT"), (-0.2, -0.1), "let go of its sources too soon"),
-        ((1e-6, 1.0, "GVT"), (-0.2, -0.1), "more of the full gradient costs return here"),
-        ((1e-6, 0.0, "GVT"), (-0.2, -0.1), "less of the full gradient costs return here"),
+        (1e-4, 0.5, Interval(0, -1, 1), "nothing that these runs could tell"),
+        (1e-4, 0.5, Interval(2, 1, 3), "better here than the thesis' choice"),
+        (1e-4, 0.5, Interval(-2, -3, -1), "held too close to its sources"),
+        (1e-8, 0.5, Interval(-2, -3, -1), "let go of its sources too soon"),
+        (1e-6, 1.0, Interval(-2, -3, -1), "more of the full gradient costs return here"),
+        (1e-6, 0.0, Interval(-2, -3, -1), "less of the full gradient costs return here"),
     ],
 )
-def test_a_difference_is_said_in_words(setting, gap, means):
-    assert sliders.meaning(setting, (1e-6, 0.5, "GVT"), Interval(np.mean(gap), *gap)) == means
+def test_a_difference_is_said_in_words(lambda_, psi, gap, means):
+    assert sliders.meaning((lambda_, psi, "GVT"), (1e-6, 0.5, "GVT"), gap) == means
 
 
 def test_a_setting_stands_beside_the_same_runs_of_the_references(monkeypatch):

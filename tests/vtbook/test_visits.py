@@ -1,6 +1,4 @@
-"""Measures of visits: positions placed by hand, and what holds for any positions."""
-
-from __future__ import annotations
+"""Measures of visits: what holds for any positions, and for evenly spread ones."""
 
 import math
 from collections import Counter
@@ -14,13 +12,9 @@ from hypothesis import strategies as st
 from vtbook.visits import arrivals, coverage, share_at_door, uniform_share_at_door
 from vtlib.envs.rooms import Rooms
 
+# On a lattice, so that borders of cells, of the lower room and of what is near are hit exactly.
+PLACE = st.integers(0, 80).map(lambda x: x / 8)
 UNDER = float(np.nextafter(np.float32(5), np.float32(0)))  # the last height below the wall
-IN_LOWER_ROOM = st.tuples(st.floats(0, 10, width=32), st.floats(0, UNDER, width=32))
-
-
-def visited(*runs: list[tuple[float, float]]) -> np.ndarray:
-    """Runs (R, T, 2) that visit these positions."""
-    return np.array(runs, dtype=np.float32)
 
 
 def test_arrivals_are_the_environments_ends_of_episodes():
@@ -34,18 +28,21 @@ def test_arrivals_are_the_environments_ends_of_episodes():
     np.testing.assert_array_equal(arrivals(after.view(40, 100, 2).numpy()), ends)
 
 
-def test_at_the_door_is_within_two_of_its_centre():
-    near, far = [(3, 3), (3, UNDER), (1.1, 4.9)], [(3, 2.99), (0.9, 4.9), (1.5, 3.5)]
-    assert share_at_door(visited(near, far), 3.0).tolist() == [1, 0]
-    assert share_at_door(visited([*near, *far, (8, 1)]), 3.0) == pytest.approx(3 / 7)
-
-
-def test_what_lies_on_or_above_the_wall_does_not_count():
-    below, above = [(3, 4.5), (0.5, 0.5), (1.5, 0.5)], [(3, 5), (3, 5.5), (4.5, 9.5), (10, 10)]
-    runs = visited(below + above, above + above[1:])
-    assert share_at_door(runs, 3.0).tolist() == [pytest.approx(1 / 3), 0]
-    assert coverage(runs)["cells visited"].tolist() == [3, 0]
-    assert coverage(runs)["effective cells"].tolist() == pytest.approx([3, 1])
+@settings(deadline=None, derandomize=True)
+@given(st.lists(st.tuples(PLACE, PLACE), min_size=1, max_size=80), PLACE)
+@example([(0, 0), (1, 0), (0, 1), (0.99, 0.99), (10, 2.5), (7.5, UNDER), (3, 3), (3, UNDER)], 3)
+def test_measures_of_the_lower_room_equal_their_definitions(positions, door):
+    below = [(x, y) for x, y in positions if y < 5]
+    near = [place for place in below if math.dist(place, (door, 5)) <= 2]
+    # the square is closed: its right side belongs to the last cell
+    cells = Counter((min(int(x), 9), int(y)) for x, y in below)
+    shares = np.array(list(cells.values())) / max(len(below), 1)
+    # of two runs, the other never below the wall
+    runs = np.array([positions, [(3, 5)] * len(positions)], dtype=np.float32)
+    found = coverage(runs)
+    assert share_at_door(runs, door).tolist() == [len(near) / max(len(below), 1), 0]
+    assert found["cells visited"].tolist() == [len(cells), 0]
+    assert found["effective cells"].tolist() == pytest.approx([(shares**-shares).prod(), 1])
 
 
 def test_evenly_spread_visits_lie_at_the_door_as_often_as_its_half_circle_is_large():
@@ -55,15 +52,3 @@ def test_evenly_spread_visits_lie_at_the_door_as_often_as_its_half_circle_is_lar
     error = 4 * math.sqrt(expected * (1 - expected) / visits)
     for door in (2.0, 8.0):
         assert share_at_door(spread, door)[0] == pytest.approx(expected, abs=error)
-
-
-@settings(deadline=None, derandomize=True)
-@given(st.lists(IN_LOWER_ROOM, min_size=1, max_size=80))
-@example([(0, 0), (1, 0), (0, 1), (0.99, 0.99), (10, 2.5), (7.5, UNDER)])
-def test_cells_equal_their_definition(positions):
-    # the square is closed: its right side belongs to the last cell
-    cells = Counter((min(int(x), 9), int(y)) for x, y in positions)
-    found = coverage(visited(positions))
-    assert found["cells visited"].tolist() == [len(cells)]
-    shares = np.array(list(cells.values())) / len(positions)
-    assert found["effective cells"][0] == pytest.approx((shares**-shares).prod())

@@ -1,7 +1,5 @@
 """Walks: they begin where they are told, obey the dynamics, and end with the episode."""
 
-from __future__ import annotations
-
 import numpy as np
 import torch
 

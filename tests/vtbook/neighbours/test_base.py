@@ -3,13 +3,7 @@
 import pytest
 import torch
 
-from vtbook.neighbours import (
-    HeadsSettings,
-    HierarchicalSettings,
-    IVONSettings,
-    LangevinSettings,
-    RegressionSettings,
-)
+from vtbook import neighbours
 from vtlib.qfunctions import MLP
 from vtlib.replay import Transition
 from vtlib.rng import Rng
@@ -17,13 +11,11 @@ from vtlib.rng import Rng
 Q = MLP((2, 3, 2))
 SOURCES = torch.randn(3, 4, Q.d, generator=torch.Generator().manual_seed(0))
 KINDS = [
-    HeadsSettings(heads=3),
-    HeadsSettings(heads=3, prior_scale=2.0),
-    LangevinSettings(lambda_=1e-3, prior="gaussian"),
-    LangevinSettings(lambda_=1e-3),
-    IVONSettings(lambda_=1e-3, n_samples=2),
-    RegressionSettings(every=3),
-    HierarchicalSettings(family="gaussian", n_samples=2),
+    neighbours.HeadsSettings(heads=3, prior_scale=2.0),
+    neighbours.LangevinSettings(lambda_=1e-3),
+    neighbours.IVONSettings(lambda_=1e-3, n_samples=2),
+    neighbours.RegressionSettings(every=3),
+    neighbours.HierarchicalSettings(family="gaussian", n_samples=2),
 ]
 
 
