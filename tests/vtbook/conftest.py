@@ -9,8 +9,8 @@ def cells_of(cells_of):
 
     def without_runs(name):
         with pytest.MonkeyPatch.context() as patch:
-            for run in ("algorithm1.algorithm1", "experiments.run.Batch.moments"):
-                patch.setattr(f"vtlib.{run}", lambda *_: ())
+            for run in ("vtlib.algorithm1.algorithm1", "vtbook.pauses.pauses"):
+                patch.setattr(run, lambda *_: ())
             return cells_of(name)
 
     return without_runs

@@ -8,6 +8,7 @@ import torch
 from attrs import evolve
 
 from vtbook.coverage import LEVELS, values_at
+from vtbook.pauses import pauses
 from vtbook.probes import CoverageProbe, StabilityProbe
 from vtlib.envs.rooms import RoomsFamily, plan
 from vtlib.experiments.experiment import Pool
@@ -109,7 +110,7 @@ def test_the_value_is_the_mean_networks_and_spread_and_step_scale_with_the_facto
         changed = evolve(poles, algorithms={"GVT": evolve(gvt, alpha_L=1e-4 * scale)})
         batch = prepare(changed, "GVT", [0], weights[:3])
         obs = batch.episodes.obs.clone()
-        list(batch.moments([1]))  # one transition is all that it remembers
+        list(pauses(batch, [1]))  # one transition is all that it remembers
         probe = StabilityProbe(changed, "GVT", [0], targets(changed, [0]))
         probe.look(scaled(batch.agent, 1e-3 * scale))
         values = q.q(batch.agent.mu.detach(), q.prepare(obs.unsqueeze(1)))

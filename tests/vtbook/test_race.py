@@ -10,6 +10,7 @@ from bs4 import BeautifulSoup
 
 from vtbook import race, visits
 from vtbook.experiments.rooms import ROOMS_EVALUATION
+from vtbook.pauses import pauses
 from vtlib.experiments.run import prepare, targets
 from vtlib.experiments.store import weights
 
@@ -20,7 +21,7 @@ SHOWN, RUN = {"NT": "left", "1-MGVT": "right"}, 1
 def test_paths_are_those_of_the_runs_one_at_a_time():
     for label, path in zip(SHOWN, race.paths(HERE, list(SHOWN), 100, RUN), strict=True):
         batch = prepare(race.evolve(HERE, visits=True), label, [RUN], weights(HERE.pool))
-        for _ in batch.moments([100]):
+        for _ in pauses(batch, [100]):
             np.testing.assert_allclose(path, batch.episodes.visited[0], atol=1e-5)
 
 

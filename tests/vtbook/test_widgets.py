@@ -12,11 +12,12 @@ from xarray import Dataset
 
 from vtbook import widgets
 from vtbook.experiments import grids
+from vtbook.experiments.protocols import transfer_settings
 from vtbook.experiments.rooms import ROOMS_EVALUATION
 from vtbook.widgets import Axis, LivePanel, parameter_axes, still_sliders
 
 TINY = evolve(ROOMS_EVALUATION.equations, runs=3, sources=2, iterations=400, every=100)
-MGVT = TINY.transfer_settings("1-MGVT")
+MGVT = transfer_settings(TINY, "1-MGVT")
 WEIGHTS = 0.1 * np.random.default_rng(0).random((50, TINY.family.q().d), dtype=np.float32)
 
 
