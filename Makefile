@@ -34,7 +34,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 export PYDEVD_DISABLE_FILE_VALIDATION := 1
 
 .DEFAULT_GOAL := help
-.PHONY: help book test lint format lab reproduce oldest newest clean distclean
+.PHONY: help book test pytest lint format lab reproduce oldest newest clean distclean
 
 help:
 	@sed -n '/^#   make/s/^#   //p' Makefile
@@ -47,7 +47,9 @@ book: $(KERNELS)
 test: export OMP_NUM_THREADS := 1
 test: $(KERNELS)
 	@echo "==> Testing: about 25 minutes on two cores (linter, library, book from scratch, browser)."
-	@$(MAKE) --no-print-directory lint
+	@$(MAKE) --no-print-directory -j2 lint pytest
+
+pytest: $(KERNELS)
 	@$(BIN)/python -m pytest -n logical --dist loadgroup
 
 lint: $(KERNELS)
