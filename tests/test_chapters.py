@@ -14,7 +14,7 @@ PAGES = {path.stem: path.read_text(encoding="utf-8") for path in BOOK.glob("*.md
 EXPERIMENTS = [name for name in PAGES if name.startswith("rooms_")]
 EXPERIMENTS += ["cartpole", "mountain_car", "mazes"]
 SHAPE = """The claims, Would fine-tuning do as well?, Move the parameters, What the sources cost,
-    An exercise, Limits, How it was computed"""
+    Limits, An exercise, How it was computed"""
 # The thesis' table of contents, in its order; our headings of the same parts.
 CONTENTS = {
     "introduction": "Contribution, Outline",

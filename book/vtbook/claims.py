@@ -36,6 +36,8 @@ class Claim:
     It holds where the number lies between low and high. Beyond the bound that ``stronger`` names,
     "low" or "high", the claim is an understatement. found: the number by protocol. printed: that of
     the published curves, where there is one. ours: the claim is this book's and not the thesis'.
+    met: by protocol, the share of the recorded iterations at which our intervals meet the published
+    ones, the least of the curves that the number is of.
     """
 
     text: str
@@ -46,6 +48,7 @@ class Claim:
     high: float = np.inf
     stronger: str = ""
     ours: bool = False
+    met: Mapping[str, float] = field(factory=dict)
 
     def verdict(self, protocol: str) -> str:
         """Whether the claim holds in a protocol."""
@@ -211,7 +214,12 @@ class Figure:
             protocol: measure(*(runs[x] for x in labels)) for protocol, runs in self.runs.items()
         }
         seen = measure(*(self.printed[x] for x in labels)) if printed and self.printed else None
-        return Claim(text, number, found, seen, **bounds)
+        kind = "greedy" if "greedy" in number else "learning"  # the words say which curve it is of
+        met = {
+            protocol: min(self.overlap(protocol, x, kind) for x in labels)
+            for protocol in (self.protocols if labels and self.printed.keys() >= {*labels} else ())
+        }
+        return Claim(text, number, found, seen, met=met, **bounds)
 
     def overlap(self, protocol: str, label: str, kind: str) -> float:
         """Share of the recorded iterations at which our 95 % interval meets the published one."""

@@ -35,6 +35,12 @@ def html_table(head: Row, rows: Iterable[Row]) -> str:
 PROTOCOLS = {"published": "As published", "equations": "By the equations"}
 
 
+MET = (
+    "<br><small><em>met</em>: iterations at which our interval meets the published one, of the "
+    "curves compared the least</small>"
+)
+
+
 def claims_table(claims: Sequence[Claim]) -> str:
     """Claims with what decides about them: the number, its bounds, and both protocols' verdicts."""
     return _claims(map(_claim_row, claims))
@@ -51,7 +57,7 @@ def scorecard_table(pages: Mapping[str, tuple[str, Sequence[Claim]]]) -> str:
 
 
 def _claims(rows: Iterable[str]) -> str:
-    heads = ["Claim, and the number that decides", *PROTOCOLS.values(), "Published curve"]
+    heads = ["Claim, and the number that decides", *PROTOCOLS.values(), f"Published curve{MET}"]
     head = "".join(f"<th>{x}</th>" for x in heads)
     body = f"<thead><tr>{head}</tr></thead><tbody>{''.join(rows)}</tbody>"
     return f"<table class='claims'>{body}</table>"
@@ -66,6 +72,8 @@ def _claim_row(claim: Claim) -> str:
             continue
         verdict = claim.verdict(protocol)
         number = escape(_interval(claim.found[protocol]))
+        if protocol in claim.met:
+            number += f"<br>met at {claim.met[protocol]:.0%}"
         cells.append(
             f"<td class='verdict {verdict.split()[0]}'>{verdict}<br><small>{number}</small></td>"
         )
