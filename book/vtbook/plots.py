@@ -110,6 +110,17 @@ def draw_curves(ax: Axes, curves: list[Curve], optimum: float | None = None) -> 
     ax.set_xlim(0, curves[0].iterations[-1])
 
 
+def draw_ends(ax: Axes, curves: list[Curve]) -> None:
+    """A dot for what each run earns in the end, right of the curves: a column for each of them."""
+    last, dot = curves[0].iterations[-1], {"ms": 5, "mec": "none"}
+    ax.axvline(last, color="0.85", lw=0.8)
+    ax.plot([], [], ".", color="0.5", label="a run's end", **dot)
+    for place, one in enumerate(curves, 1):
+        at = np.full(len(one.returns), last * (1 + 0.03 * place))
+        ax.plot(at, one.returns[:, -1], ".", color=one.colour, alpha=0.5, **dot)
+    ax.set_xlim(0, last * (1 + 0.03 * (len(curves) + 1)))
+
+
 def learning_figure(
     panels: Mapping[str, list[Curve]],
     optimum: float,
@@ -122,6 +133,7 @@ def learning_figure(
     axes = figure.subplots(1, len(panels), sharey=True, squeeze=False)[0]
     for ax, (name, curves) in zip(axes, panels.items(), strict=True):
         draw_curves(ax, curves, optimum)
+        draw_ends(ax, curves)
         ax.set_title(name)
         ax.set_ylim(*limits)
     axes[0].set_ylabel("discounted return")

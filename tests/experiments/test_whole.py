@@ -70,6 +70,18 @@ def test_a_forged_number_is_named(stored, checked, name, key):
     assert list(of_heads) == ([1] if label == "tasks" or key == "fingerprints" else [])
 
 
+@pytest.mark.parametrize(("key", "shape"), [("visited", (220, 4)), ("inside", (11, 5, 3))])
+def test_a_forged_visit_or_probe_is_named(tiny, stored, anew, key, shape):
+    arrays, note = store.read(stored / "tiny/GVT")
+    more = np.random.default_rng(0).random((3, *shape), np.float32)
+    forged = more.copy()
+    forged[1].flat[-1] += 0.1
+    there, now = {**arrays, key: forged}, {**anew["GVT"], key: more}
+    found = whole.compare_runs(tiny, "GVT", (there, note), now, EVERY)
+    assert list(found.wrong) == [1]
+    assert found.wrong[1].startswith(key)
+
+
 @pytest.mark.parametrize(
     ("key", "wrong", "said"),
     [

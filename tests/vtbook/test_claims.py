@@ -135,7 +135,11 @@ def test_a_claim_is_measured_alike_in_both_protocols_and_on_the_published_curves
     assert near(claim.printed, 0.0, 0.25 * 2**0.5 / 4)
     assert [claim.verdict(x) for x in claim.found] == [REPRODUCED, NOT]
     assert (claim.low, claim.high, claim.ours) == (0.1, np.inf, True)
+    assert claim.met == {
+        x: min(figure.overlap(x, y, "learning") for y in "AB") for x in claim.found
+    }
     alone = "", "", lambda a: a.share(500), "A"
+    assert figure.claim("", "greedy return", *alone[2:]).met["equations"] == pytest.approx(2 / 3)
     assert figure.claim(*alone, printed=False).printed is None
     assert Figure(figure.protocols).claim(*alone).printed is None
 

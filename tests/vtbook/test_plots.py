@@ -79,7 +79,7 @@ def test_a_figure_draws_each_kind_of_return_with_its_band_and_the_optimum_dashed
     at = stored.iteration.values
     for ax, (title, kind) in zip(figure.axes, plots.KINDS.items(), strict=True):
         band = mean_interval(stored[kind].values)
-        line, _, dashed = ax.get_lines()
+        line, _, dashed, _, _, dots, others = ax.get_lines()
         np.testing.assert_allclose(line.get_data(), [at, band.centre])
         shade = shades(ax)[0]
         assert to_hex(line.get_color()) == to_hex(shade.get_facecolor()[0]) == COLOURS["NT"]
@@ -89,10 +89,20 @@ def test_a_figure_draws_each_kind_of_return_with_its_band_and_the_optimum_dashed
         assert ax.get_title(loc="left") == title
         assert "thousand" in ax.get_xlabel()
         assert ax.xaxis.get_major_formatter()(2500, 0) == "2.5"
-        assert (ax.get_xlim(), ax.get_ylim()) == ((0, 1000), (-0.02, 0.9))
+        # what every run ends with, beyond the curves and nearer than the edge
+        np.testing.assert_array_equal(dots.get_ydata(), stored[kind].values[:, -1])
+        assert to_hex(dots.get_color()) == COLOURS["NT"]
+        right = ax.get_xlim()[1]
+        assert 1000 < max(dots.get_xdata()) < min(others.get_xdata()) < right < 1200
+        assert ax.get_ylim() == (-0.02, 0.9)
     assert figure.get_suptitle() == "3 rooms"
     (legend,) = figure.legends
-    assert [x.get_text() for x in legend.get_texts()] == ["NT", "GVT", "planned optimum"]
+    assert [x.get_text() for x in legend.get_texts()] == [
+        "NT",
+        "GVT",
+        "planned optimum",
+        "a run's end",
+    ]
 
 
 def published(seed):

@@ -32,19 +32,20 @@ IN, OUT, ACROSS = Interval(0.5, 0.4, 0.6), Interval(1.5, 1.4, 1.6), Interval(0.9
 
 def test_claims_are_told_with_what_decides_about_them():
     found = {"published": IN, "equations": OUT}
-    claim = Claim(f"{HOSTILE} holds.", "<it> & all", found, ACROSS, high=1.0)
+    met = {"equations": 0.567}
+    claim = Claim(f"{HOSTILE} holds.", "<it> & all", found, ACROSS, high=1.0, met=met)
     mine = Claim("Mine.", "n", {"published": ACROSS}, None, low=0.9, ours=True)
     card = tables.scorecard_table({"rooms": ("Rooms & all", [claim]), "maze": ("Maze", [mine])})
     plain = tables.claims_table([claim, mine])
     head, rooms, first, maze, second = rows_of(card)
     assert rows_of(plain) == [head, first, second]
-    assert head[1:] == ["As published", "By the equations", "Published curve"]
+    assert head[1:] == ["As published", "By the equations", f"Published curve{tables.MET}"]
     assert rooms == ["<a href='rooms.html#the-claims'>Rooms & all</a>"]
     assert maze == ["<a href='maze.html#the-claims'>Maze</a>"]
     assert first == [
         f"{HOSTILE} holds.<br><small><it> & all: at most 1</small>",
         f"{REPRODUCED}<br><small>0.50 (0.40 to 0.60)</small>",
-        f"{NOT}<br><small>1.50 (1.40 to 1.60)</small>",
+        f"{NOT}<br><small>1.50 (1.40 to 1.60)<br>met at 57%</small>",
         "<small>0.95 (0.80 to 1.10)</small>",
     ]
     # what was not measured in a protocol, or never published, stays empty
