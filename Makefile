@@ -4,6 +4,7 @@
 #   make lab        open the pages as notebooks in JupyterLab
 #   make reproduce  compute everything again from nothing, compare, and draw the book from it
 #   make oldest     test the library with the oldest versions allowed (make newest: with the newest)
+#   make sanitize   run the kernels on random settings under the sanitizers (needs g++)
 #   make clean      remove what the above made (make distclean: the environment, too)
 
 PYTHON ?= python3.11
@@ -34,7 +35,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 export PYDEVD_DISABLE_FILE_VALIDATION := 1
 
 .DEFAULT_GOAL := help
-.PHONY: help book test pytest lint format lab reproduce oldest newest clean distclean
+.PHONY: help book test pytest lint format lab reproduce oldest newest sanitize clean distclean
 
 help:
 	@sed -n '/^#   make/s/^#   //p' Makefile
@@ -95,6 +96,12 @@ oldest newest:
 		$$(grep '^torch' tests/requirements-$@.txt) 2>/dev/null || true
 	@$(OTHER)/bin/pip install -q --upgrade -r tests/requirements-$@.txt
 	@$(OTHER)/bin/python -m pytest -W default $(addprefix --ignore=,$(OF_THE_BOOK))
+
+sanitize:
+	@mkdir -p _build
+	@g++ -std=c++17 -O1 -g -march=native -Wno-psabi -fsanitize=address,undefined \
+		-fno-sanitize-recover=all tests/native/fuzz.cpp -o _build/fuzz
+	@_build/fuzz 200
 
 clean:
 	rm -rf _build .pytest_cache .ruff_cache .mypy_cache .hypothesis .coverage htmlcov book/_static/vendor

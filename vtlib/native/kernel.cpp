@@ -22,7 +22,7 @@ extern "C" void posterior_step(const Descent *f, int32_t members, int32_t count,
   float(*gradient)[LANES] = (float(*)[LANES])room(block), (*upcoming)[LANES], (*product)[LANES];
   upcoming = (float(*)[LANES])room(block), product = (float(*)[LANES])room(block);
   float *padded_z = (float *)room((int64_t)(n + 1) * wide);
-  for (int64_t i = 0; i < block; i++) gradient[0][i] = upcoming[0][i] = 0;
+  for (int i = 0; i < wide; i++) at(gradient[i]) = at(upcoming[i]) = Lanes{};
   for (int64_t i = 0; i < (int64_t)(n + 1) * wide; i++) padded_z[i] = 0;
   for (int m = 0; m < members; m++) {
     for (int i = 0; i < d; i++) {

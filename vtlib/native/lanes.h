@@ -51,7 +51,7 @@ static inline Lanes logarithm(Lanes x) {
 
 // The same of single doubles, in series: responsibilities are few, and need the digits.
 static double exp_of(double x) {
-  if (x < -700) return 0;
+  if (x != x || x < -700) return x < 0 ? 0 : x;
   int k = (int)(x * 1.4426950408889634 - 0.5);
   double r = x - k * 0.6931471805599453, term = 1, total = 1;
   for (int i = 1; i < 16; i++) total += term *= r / i;
