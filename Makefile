@@ -101,7 +101,7 @@ sanitize:
 	@mkdir -p _build
 	@g++ -std=c++17 -O1 -g -march=native -Wno-psabi -fsanitize=address,undefined \
 		-fno-sanitize-recover=all tests/native/fuzz.cpp -o _build/fuzz
-	@_build/fuzz 200
+	@_build/fuzz 100
 
 clean:
 	rm -rf _build .pytest_cache .ruff_cache .mypy_cache .hypothesis .coverage htmlcov book/_static/vendor
