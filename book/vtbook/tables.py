@@ -36,8 +36,8 @@ PROTOCOLS = {"published": "As published", "equations": "By the equations"}
 
 
 MET = (
-    "<br><small><em>met</em>: iterations at which our interval meets the published one, of the "
-    "curves compared the least</small>"
+    "<em>Met</em>: the share of iterations at which our interval meets the published one; "
+    "the least of the curves compared."
 )
 
 
@@ -57,10 +57,10 @@ def scorecard_table(pages: Mapping[str, tuple[str, Sequence[Claim]]]) -> str:
 
 
 def _claims(rows: Iterable[str]) -> str:
-    heads = ["Claim, and the number that decides", *PROTOCOLS.values(), f"Published curve{MET}"]
+    heads = ["Claim, and the number that decides", *PROTOCOLS.values(), "Published curve"]
     head = "".join(f"<th>{x}</th>" for x in heads)
     body = f"<thead><tr>{head}</tr></thead><tbody>{''.join(rows)}</tbody>"
-    return f"<table class='claims'>{body}</table>"
+    return f"<table class='claims'><caption>{MET}</caption>{body}</table>"
 
 
 def _claim_row(claim: Claim) -> str:
