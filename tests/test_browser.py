@@ -263,11 +263,14 @@ FINDINGS = """async only => {
   return found.violations.filter(one => ["serious", "critical"].includes(one.impact))
     .map(one => `${one.id} (${one.nodes.length}): ${one.nodes[0].html.slice(0, 200)}`);
 }"""
-# colours fade over, and a busy machine takes its time; one that is cut short counts as done
+# colours fade over, and a busy machine takes its time; what is cut short, or hangs, counts as done
 FADED = """
-() => Promise.all(document.getAnimations()
+() => Promise.race([
+  new Promise(done => setTimeout(done, 1000)),
+  Promise.all(document.getAnimations()
     .filter(one => one.effect.getComputedTiming().endTime < Infinity)
-    .map(one => one.finished.catch(() => null))).then(() => null)
+    .map(one => one.finished.catch(() => null))),
+]).then(() => null)
 """
 
 
