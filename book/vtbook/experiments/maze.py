@@ -104,10 +104,9 @@ MAZE_SLIDERS = sliders_of(
     MAZE_POSTERIORS,
 )
 
-# By the equations only the main maze has been run.
 EXPERIMENTS = (
     *(x for n in TARGETS for x in (MAZE_TARGETS[n].published, MAZE_NOTHING[n])),
-    MAZE_TARGETS[MAIN].equations,
+    *(MAZE_TARGETS[n].equations for n in TARGETS),
     MAZE_ANY_SOURCES,
     MAZE_INGREDIENTS,
     MAZE_SLIDERS,
