@@ -112,7 +112,7 @@ def draw_curves(ax: Axes, curves: list[Curve], optimum: float | None = None) -> 
 
 def draw_ends(ax: Axes, curves: list[Curve]) -> None:
     """A dot for what each run earns in the end, right of the curves: a column for each of them."""
-    last, dot = curves[0].iterations[-1], {"ms": 5, "mec": "none"}
+    last, dot = curves[0].iterations[-1], dict[str, Any](ms=5, mec="none")
     ax.axvline(last, color="0.85", lw=0.8)
     ax.plot([], [], ".", color="0.5", label="a run's end", **dot)
     for place, one in enumerate(curves, 1):
