@@ -145,6 +145,10 @@ FAULTS: dict[str, list[tuple[str, str]]] = {
         ("at = self._added % self._capacity", "at = self._added % (self._capacity + 1)"),
         ("reward, rows[..., o : 2 * o]", "reward, rows[..., :o]"),
     ],
+    "book/vtbook/zero_shot": [
+        ('episodes, "max")', 'episodes, "mean")'),
+        ("weights[chosen_sources(experiment, runs)]", "weights[: experiment.sources][None]"),
+    ],
     "book/vtbook/claims": [
         ("number.low >= self.low and number.high <= self.high", "number.low >= self.low"),
         ("(above and self.stronger ==", "(below and self.stronger =="),
@@ -189,9 +193,7 @@ FAULTS: dict[str, list[tuple[str, str]]] = {
         ),
     ],
     "vtlib/experiments/run": [
-        ('episodes, "max")', 'episodes, "mean")'),
         ('"each" if experiment.each else "mean"', '"mean"'),
-        ("weights[chosen_sources(experiment, runs)]", "weights[: experiment.sources][None]"),
     ],
     "vtlib/experiments/sources": [
         ("            passed &= pool.family.solved", "            pool.family.solved"),
@@ -236,7 +238,6 @@ FAULTS: dict[str, list[tuple[str, str]]] = {
         ("line = cell + 0.5 + (0.5 - CLEARANCE) * sign", "line = cell + 0.5 + 0.5 * sign"),
     ],
 }
-NO_FAULT = "from __future__ import annotations"
 
 
 class Outcome(NamedTuple):
@@ -274,13 +275,19 @@ def attempt(file: str, old: str, new: str) -> Outcome:
     return Outcome(file, f"{old!r} -> {new!r}", fate)
 
 
+def untouched(file: str) -> Outcome:
+    """What its tests make of a file without a fault: its first line stands for itself."""
+    first = (ROOT / f"{file}.py").read_text().partition("\n")[0]
+    return attempt(file, first, first)
+
+
 def main(only: list[str]) -> int:
     """Try all faults, two at a time; fail when fewer than 95 % are killed or one does not apply."""
     faults = [(f, *pair) for f, pairs in FAULTS.items() if not only or f in only for pair in pairs]
     outcomes = []
     with ThreadPoolExecutor(2) as executor:
         files = dict.fromkeys(file for file, *_ in faults)
-        for outcome in executor.map(lambda file: attempt(file, NO_FAULT, NO_FAULT), files):
+        for outcome in executor.map(untouched, files):
             if outcome.fate != "SURVIVED":
                 print(f"{outcome.file}: its tests fail without a fault ({outcome.fate})")
                 return 2
