@@ -103,6 +103,7 @@ class Command:
         assert not self.group()
 
 
+# Nothing portable lists the processes of a session. CI runs on Linux, so none of this is left out.
 needs_proc = pytest.mark.skipif(
     not Path("/proc/self/stat").exists(), reason="/proc alone tells the processes of a session"
 )
