@@ -206,19 +206,19 @@ class Figure:
         number: str,
         measure: Callable[..., Interval],
         *labels: str,
+        kind: str = "learning",
         printed: bool = True,
         **bounds: Any,
     ) -> Claim:
-        """A claim whose number is measured of the runs with some labels."""
+        """A claim whose number is measured of the runs with some labels, of a kind of return."""
         found = {
             protocol: measure(*(runs[x] for x in labels)) for protocol, runs in self.runs.items()
         }
         seen = measure(*(self.printed[x] for x in labels)) if printed and self.printed else None
-        kind = "greedy" if "greedy" in number else "learning"  # the words say which curve it is of
-        met = {
-            protocol: min(self.overlap(protocol, x, kind) for x in labels)
-            for protocol in (self.protocols if labels and self.printed.keys() >= {*labels} else ())
-        }
+        met = {}
+        if self.printed.keys() >= {*labels}:
+            for protocol in self.protocols:
+                met[protocol] = min(self.overlap(protocol, x, kind) for x in labels)
         return Claim(text, number, found, seen, met=met, **bounds)
 
     def overlap(self, protocol: str, label: str, kind: str) -> float:

@@ -139,7 +139,7 @@ def test_a_claim_is_measured_alike_in_both_protocols_and_on_the_published_curves
         x: min(figure.overlap(x, y, "learning") for y in "AB") for x in claim.found
     }
     alone = "", "", lambda a: a.share(500), "A"
-    assert figure.claim("", "greedy return", *alone[2:]).met["equations"] == pytest.approx(2 / 3)
+    assert figure.claim(*alone, kind="greedy").met["equations"] == pytest.approx(2 / 3)
     assert figure.claim(*alone, printed=False).printed is None
     assert Figure(figure.protocols).claim(*alone).printed is None
 

@@ -37,6 +37,7 @@ def cartpole() -> list[Claim]:
                 "mean change between evaluations until 2,000 by that afterwards",
                 lambda a: a.restlessness(2_000),
                 x,
+                kind="greedy",
                 low=1.0,
             )
             for x in TRANSFER

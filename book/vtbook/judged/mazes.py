@@ -81,6 +81,7 @@ def _of(number: int, mixtures: Sequence[str]) -> list[Claim]:
                 f"share of runs whose greedy policy is optimal at {ITERATIONS:,}",
                 lambda a: a.solved(ITERATIONS),
                 x,
+                kind="greedy",
                 printed=False,
                 low=0.05,
             )
@@ -100,6 +101,7 @@ def _of(number: int, mixtures: Sequence[str]) -> list[Claim]:
                 lambda a, b: a.gain(b, END, "greedy"),
                 x,
                 "DDQN",
+                kind="greedy",
                 low=0.0,
             )
             for x in mixtures

@@ -54,6 +54,7 @@ def rooms_evaluation() -> list[Claim]:
             "share of runs whose greedy policy is optimal at 5,000",
             lambda a: a.solved(5_000),
             "GVT",
+            kind="greedy",
             printed=False,
             low=0.5,
         ),
