@@ -120,9 +120,7 @@ class EpsilonGreedyLearner(ABC):
         """Store one transition of each run and take one gradient step."""
         self._buffer.add(transition)
         self._steps += 1
-        batch = self._buffer.sample(self._replay.uniform(self._settings.minibatch))
-        self.mu.grad = self._gradient(batch)
-        self._adam.step()
+        self._update()
 
     def keep(self, rows: Sequence[int]) -> None:
         """Go on with some of the runs, by their places in the batch, in that order."""
@@ -133,6 +131,11 @@ class EpsilonGreedyLearner(ABC):
         self._adam = torch.optim.Adam([self.mu], lr=self._settings.alpha, fused=True)
         # Adam's moments are as large as the weights, its step count is one number
         self._adam.state[self.mu] = {k: x[rows] if x.ndim else x for k, x in state.items()}
+
+    def _update(self) -> None:
+        batch = self._buffer.sample(self._replay.uniform(self._settings.minibatch))
+        self.mu.grad = self._gradient(batch)
+        self._adam.step()
 
     @abstractmethod
     def _gradient(self, batch: Transition) -> Tensor:

@@ -20,17 +20,13 @@ from vtlib.checks import check_kind, check_weights, check_whole
 from vtlib.envs.episodes import GymEpisodes
 from vtlib.experiments.store import TornResult, write_bytes
 from vtlib.qfunctions import QFunction
-from vtlib.replay import Transition
+from vtlib.recommended import Recommended
 from vtlib.rng import Rng, generator
-from vtlib.stability import largest_step, steepest
 from vtlib.training import Agent, check_finite, iterate
 from vtlib.transfer import Settings, VariationalTransfer
 
 EVERY = 100  # iterations from one record to the next
-AMONG = 200  # transitions at which a safe step on L is measured
-SHARE = 0.25  # of the largest safe step
 LONGEST = 100_000  # steps of an episode that is waited for
-NARROW = 0.003  # standard deviation of the prior's components, relative to the sources' weights
 
 Callback = Callable[[int, Tensor], bool | None]
 
@@ -107,7 +103,7 @@ def transfer(
     q: QFunction,
     sources: Tensor,
     iterations: int,
-    settings: Settings | FineTuning | None = None,
+    settings: Settings | FineTuning | Recommended | None = None,
     *,
     trials: int = 20,
     seed: int = 0,
@@ -117,21 +113,19 @@ def transfer(
 ) -> Learned:
     """Learn each environment with a prior from solved sources (S, d): Algorithm 1, made safe.
 
-    Each source first plays ``trials`` greedy episodes; the best comes first, where one component
-    starts. In the end the posterior's means play as many, and are kept where they earn more than
+    Each source first plays ``trials`` greedy episodes; the best come first, where components
+    start. In the end the posterior's means play as many, and are kept where they earn more than
     the best source by at least the standard error of the difference. Without settings they are
-    ``settings_for`` the sources. With trials = 0 this is the thesis' algorithm and nothing else,
-    and needs settings. Raises as ``solve``, also for sources that are missing, not finite or not of
-    the Q-function's shape.
+    those of ``Recommended``. With trials = 0 there are no such precautions. Raises as ``solve``,
+    also for sources that are missing, not finite or not of the Q-function's shape.
     """
     check_whole("iterations", iterations)
     check_whole("trials", trials, 0)
     check_kind("sources", sources, Tensor)
     check_weights("sources", sources, "source", q.d)
-    if settings is None and not trials:
-        raise ValueError("settings must be given where there are no trials to choose them by")
-    check_kind("settings", settings or Settings(), Settings | FineTuning)
-    gamma = _discount(settings or Settings())
+    settings = settings or Recommended()
+    check_kind("settings", settings, Settings | FineTuning | Recommended)
+    gamma = (settings.learner if isinstance(settings, FineTuning) else settings).gamma
     name, sources = _name("transfer", seed), sources.detach().cpu()
     shared = sources.expand(len(envs), *sources.shape)
     steps = torch.zeros(len(envs), dtype=torch.int64)
@@ -144,9 +138,6 @@ def transfer(
         earned = torch.stack([x.returns for x in tried], 1)
         order = torch.argsort(-earned.mean(2), dim=1, stable=True)
         shared = shared.gather(1, order.unsqueeze(2).expand_as(shared))
-        seen = [t for x in tried for t in x.transitions]
-        settings = settings or settings_for(q, shared, seen)
-    assert settings is not None
     episodes, rng = _episodes(envs, q, name, gamma), Rng(name, range(len(envs)))
     agent = settings.agent(q, shared.to(device), episodes.obs_dim, rng)
     learned = _learn(agent, episodes, iterations, name, callback, progress)
@@ -158,25 +149,6 @@ def transfer(
     improved = gain.mean(1) >= gain.std(1, correction=0) / max(1, trials - 1) ** 0.5
     weights = torch.where(improved.view(-1, 1, 1), learned.weights, shared[:, :1])
     return evolve(learned, weights=weights, steps=learned.steps + ours.steps, improved=improved)
-
-
-def settings_for(q: QFunction, sources: Tensor, seen: Sequence[Transition]) -> Settings:
-    """Settings of 1-MGVT by the scale of sources (R, S, d), the best first, and what they saw.
-
-    The prior's components have a standard deviation of a small share of the sources' weights. The
-    step on L is a quarter of the largest that is safe at the best source (``vtlib.stability``).
-    """
-    chosen = np.linspace(0, len(seen) - 1, min(AMONG, len(seen))).astype(int)
-    batch = Transition(*(torch.stack(x, 1) for x in zip(*(seen[i] for i in chosen), strict=True)))
-    settings = Settings(
-        lambda_=1e-3,
-        minibatch=200,
-        n_samples=5,
-        sigma_p2=float((NARROW * sources.square().mean().sqrt()).square().clamp(min=1e-12)),
-    )
-    eta, length = steepest(q, sources[:, 0], batch, settings.psi, settings.gamma, settings.kappa)
-    safe = largest_step(length.clamp(min=q.d), settings.n_samples) / eta.clamp(min=1e-6)
-    return evolve(settings, alpha_L=float(SHARE * safe.min()))
 
 
 def evaluate(
@@ -202,7 +174,6 @@ def evaluate(
 class _Played:
     returns: Tensor  # (R, episodes)
     steps: Tensor  # (R,)
-    transitions: list[Transition]
 
 
 def _play(
@@ -217,11 +188,10 @@ def _play(
     play, count = _episodes(envs, q, name, gamma), torch.zeros(len(envs), dtype=torch.int64)
     steps, since = torch.zeros_like(count), torch.zeros_like(count)
     running, discount = torch.zeros(len(envs)), torch.ones(len(envs))
-    returns, seen = torch.zeros(len(envs), episodes), []
+    returns = torch.zeros(len(envs), episodes)
     while bool((count < episodes).any()):
         action = q.q(weights, q.prepare(play.obs.unsqueeze(1))).mean(1)[..., 0].argmax(-1)
-        seen.append(play.step(action))
-        running += discount * seen[-1].reward
+        running += discount * play.step(action).reward
         discount *= gamma
         steps += count < episodes
         since += 1
@@ -234,11 +204,7 @@ def _play(
                 f"an episode has not ended after {LONGEST:,} steps: "
                 "gymnasium.wrappers.TimeLimit ends it"
             )
-    return _Played(returns, steps, seen)
-
-
-def _discount(settings: Settings | FineTuning) -> float:
-    return (settings.learner if isinstance(settings, FineTuning) else settings).gamma
+    return _Played(returns, steps)
 
 
 def _name(what: str, seed: int) -> str:

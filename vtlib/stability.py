@@ -52,6 +52,16 @@ def steepest(
     return eta.abs(), length
 
 
+def curvature(
+    q: QFunction, mu: Tensor, batch: Transition, psi: float, gamma: float, kappa: float
+) -> Tensor:
+    """eta (R,) alone, as ``steepest``, but at the cost of a B x B matrix: f h^T has it, too."""
+    f, h = _td_gradients(q, mu, batch, psi, gamma, kappa)
+    H = torch.bmm(f, h.mT).double() * (2 / batch.action.shape[1])
+    eta: Tensor = torch.linalg.eigvals(H).abs().amax(1)
+    return eta
+
+
 def _td_gradients(
     q: QFunction, mu: Tensor, batch: Transition, psi: float, gamma: float, kappa: float
 ) -> tuple[Tensor, Tensor]:

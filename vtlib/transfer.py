@@ -169,36 +169,47 @@ class VariationalTransfer:
 
     def learn(self, transition: Transition) -> None:
         """Store one transition of each run and take one gradient step on eq. 5.2."""
-        s = self._settings
         self._buffer.add(transition)
         self._steps += 1
-        batch = self._buffer.sample(self._replay.uniform(s.minibatch))
-        if self._steps > s.patience:
-            self._descend(Transition(*(x.to(self._device) for x in batch)))
-        self._samples = self._posterior.sample()
+        self._update()
 
     def remembered(self, u: Tensor) -> Transition:
         """Transitions (R, B) of the replay memory, chosen by uniform numbers u (R, B)."""
         return self._buffer.sample(u)
 
+    def _update(self) -> None:
+        """One gradient step on a minibatch, and the samples of the next."""
+        batch = self._buffer.sample(self._replay.uniform(self._settings.minibatch))
+        if self._steps > self._settings.patience:
+            self._descend(Transition(*(x.to(self._device) for x in batch)))
+        self._samples = self._posterior.sample()
+
+    def _gradients(self, w: Tensor, batch: Transition) -> Tensor:
+        """Gradients (R, K, d) of the TD error at samples w (R, K, d), eq. 5.4."""
+        s = self._settings
+        return td_gradients(self._q, w, batch, s.psi, s.gamma, s.kappa)
+
     def _descend(self, batch: Transition) -> None:
         """One step on E_q[TD error^2] + (lambda / N) KL, eqs. 5.2, 5.8 and 5.9."""
-        s = self._settings
+        s, mu = self._settings, self._posterior.mu
         kl_weight = s.lambda_ / self._steps
-        runs, components, d = self.mu.shape
+        runs, components, d = mu.shape
         w = self._samples[:, :, 1:].reshape(runs, components * s.n_samples, d)
         # the posterior's expectation is a mean over components and over their samples
-        gradients = td_gradients(self._q, w, batch, s.psi, s.gamma, s.kappa)
-        gradients = gradients.div_(components * s.n_samples).view(runs, components, s.n_samples, d)
-        step = gradients.sum(2).add_(self._prior.pull(self.mu), alpha=kl_weight)
-        self.mu.grad = step if s.clip is None else step.clamp_(-s.clip, s.clip)
+        gradients = (
+            self._gradients(w, batch)
+            .div_(components * s.n_samples)
+            .view(runs, components, s.n_samples, d)
+        )
+        step = gradients.sum(2).add_(self._prior.pull(mu), alpha=kl_weight)
+        mu.grad = step if s.clip is None else step.clamp_(-s.clip, s.clip)
         self._adam.step()
         # each component has its share 1 / C of the divergence
         self._posterior.step(gradients, kl_weight / components)
 
     def _thompson(self) -> Tensor:
         """One sample (R, 1, d) of the mixture: a component, then its first draw."""
-        _, components, d = self.mu.shape
+        _, components, d = self._posterior.mu.shape
         draws = self._samples[:, :, 0]
         if components == 1:
             return draws

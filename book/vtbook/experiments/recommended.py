@@ -1,0 +1,52 @@
+"""The recommended method on the tasks that it is judged on, and without one of its parts.
+
+Its runs share tasks, sources and random numbers with those of the algorithms beside it: where these
+were tuned, with the tuned ones (``compared``), elsewhere with those of the page.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from attrs import evolve
+
+from vtbook.experiments.compared import ENVIRONMENTS
+from vtbook.experiments.maze import MAIN, MAZE_TARGETS
+from vtbook.experiments.mountain_car import CAR
+from vtbook.neighbours.repeated import RepeatedTuning
+from vtlib.baselines import FineTuning
+from vtlib.experiments.experiment import Algorithm, Experiment
+from vtlib.recommended import Recommended
+
+OURS = "recommended"
+SHORT = 5_000  # iterations where the page's runs are longer
+
+
+def _tuned(experiment: Experiment) -> Experiment:
+    """Beside tuned algorithms, also with one update a step, one component, or a learner alone."""
+    tuning = experiment.algorithms["fine-tuned"]
+    assert isinstance(tuning, FineTuning)
+    ours = Recommended()
+    algorithms: dict[str, Algorithm] = {
+        OURS: ours,
+        "one component": evolve(ours, components=1),
+        "one update": evolve(ours, updates=1),
+        "fine-tuned, as many updates": RepeatedTuning(tuning, ours.updates),
+    }
+    return _beside(experiment, algorithms=algorithms)
+
+
+def _beside(experiment: Experiment, **fields: Any) -> Experiment:
+    """The same tasks and random numbers, under a name of its own."""
+    name = f"{experiment.name.removesuffix('-compared')}-recommended"
+    return evolve(experiment, name=name, stream=experiment.stream, **fields)
+
+
+def _long(experiment: Experiment) -> Experiment:
+    return _beside(experiment, algorithms={OURS: Recommended()}, iterations=SHORT)
+
+
+TUNED = tuple(_tuned(one.judged()) for one in ENVIRONMENTS)
+MOUNTAIN_CAR = _long(CAR.published)
+MAZE = _long(MAZE_TARGETS[MAIN].published)
+EXPERIMENTS = (*TUNED, MOUNTAIN_CAR, MAZE)

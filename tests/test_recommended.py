@@ -1,0 +1,81 @@
+"""The recommended method: the same in any units, silent at first, and never explosive."""
+
+import pytest
+import torch
+
+from vtlib.qfunctions import RBFLinear
+from vtlib.recommended import FIRST, Recommended
+from vtlib.replay import Transition
+from vtlib.rng import Rng
+
+FEATURES, ACTIONS, RUNS, SOURCES = 4, 2, 2, 3
+
+
+class Linear(RBFLinear):
+    """Q of one weight per feature and action; features are the observation in some unit."""
+
+    def __init__(self, unit=1.0):
+        self.n_actions = self.width = ACTIONS
+        self.d, self._unit = FEATURES * ACTIONS, unit
+
+    def prepare(self, obs):
+        return obs.mT / self._unit
+
+
+def stream(seed=0):
+    """Transitions of both runs, for ever."""
+    g = torch.Generator().manual_seed(seed)
+    while True:
+        obs, after = torch.randn(2, RUNS, FEATURES, generator=g)
+        action = torch.randint(ACTIONS, (RUNS,), generator=g)
+        end = torch.rand(RUNS, generator=g) < 0.1
+        yield Transition(obs, action, torch.rand(RUNS, generator=g), after, end)
+
+
+def learned(steps, unit=1.0, rows=(0, 1), **settings):
+    """An agent after so many transitions, and the actions that it chose on the way."""
+    g = torch.Generator().manual_seed(7)
+    sources = torch.randn(RUNS, SOURCES, FEATURES * ACTIONS, generator=g) * unit
+    rows, actions = list(rows), []
+    rng = Rng("recommended", rows)
+    agent = Recommended(minibatch=20, **settings).agent(Linear(unit), sources[rows], FEATURES, rng)
+    for _, t in zip(range(steps), stream(), strict=False):
+        actions.append(agent.act(t.obs[rows], torch.zeros(len(rows), dtype=torch.bool)))
+        agent.learn(Transition(*(x[rows] for x in t)))
+    return agent, torch.stack(actions), sources[rows]
+
+
+def test_weights_in_other_units_are_learned_alike():
+    (one, acts, _), (other, same, _) = learned(150), learned(150, unit=100.0)
+    assert (acts == same).float().mean() > 0.98  # rounding may turn a tie
+    torch.testing.assert_close(other.mu, 100 * one.mu, rtol=1e-3, atol=1e-2)
+    torch.testing.assert_close(other.scale_tril, 100 * one.scale_tril, rtol=1e-2, atol=1e-3)
+
+
+def test_a_run_does_not_depend_on_its_neighbours():
+    (both, acts, _), (alone, own, _) = learned(150), learned(150, rows=[1])
+    torch.testing.assert_close(alone.mu[0], both.mu[1], rtol=1e-4, atol=1e-5)
+    assert (acts[:, 1:] == own).float().mean() > 0.98
+
+
+def test_it_starts_at_different_sources_and_only_remembers_at_first():
+    before, _, sources = learned(FIRST)
+    torch.testing.assert_close(before.mu, sources)
+    after, _, _ = learned(FIRST + 1)
+    assert ((after.mu - sources).abs().amax(-1) > 0).all()
+
+
+def test_more_updates_go_further():
+    far = [(learned(FIRST + 20, updates=n)[0].mu - learned(FIRST)[2]).norm() for n in (1, 4)]
+    assert far[1] > 2 * far[0]
+
+
+def test_the_factor_does_not_explode():
+    agent, _, sources = learned(600)
+    assert agent.scale_tril.abs().max() < 0.1 * sources.square().mean().sqrt()
+
+
+@pytest.mark.parametrize("wrong", [{"components": 0}, {"updates": 0}, {"psi": 1.1}, {"gamma": 1}])
+def test_settings_out_of_range_are_refused(wrong):
+    with pytest.raises(ValueError, match=f"{next(iter(wrong))} must"):
+        Recommended(**wrong)

@@ -1,0 +1,113 @@
+"""The settings that we recommend: variational transfer in units in which nothing is left to tune.
+
+Weights are measured in units of the sources, u, the root of their mean square. The TD error is
+measured in units of its largest curvature there, eta (``vtlib.stability``), which the agent takes
+from what it remembers. In these units one prior, one weight of the divergence and one step on L
+serve every task: the step is a share of the largest that is safe.
+"""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import torch
+from attrs import field, frozen
+from torch import Tensor
+
+from vtlib.checks import between, positive, whole
+from vtlib.qfunctions import QFunction
+from vtlib.replay import Transition
+from vtlib.rng import Rng
+from vtlib.stability import curvature, largest_step
+from vtlib.transfer import Settings, VariationalTransfer
+
+NARROW = 0.003  # standard deviation of the prior's components
+WORTH = 0.5  # of how many transitions the prior is worth
+SHARE = 0.25  # of the largest safe step on L
+CLIP = 1.0  # on the entries of a gradient, which are far smaller unless something explodes
+FIRST, MEASURED = 64, 200  # transitions that are only remembered; those that eta is taken from
+
+
+@frozen
+class Recommended:
+    """Parameters of the recommended method; none has to fit the task.
+
+    components: C of the mixture, which start at as many sources, the first ones. updates: gradient
+    steps for each step of the environment. Others as in ``vtlib.transfer.Settings``. Raises
+    ValueError for a value outside its range.
+    """
+
+    transfers: ClassVar[bool] = True
+
+    components: int = field(default=3, validator=whole())
+    updates: int = field(default=4, validator=whole())
+    psi: float = field(default=0.5, validator=between(0, 1))
+    kappa: float = field(default=100.0, validator=positive())
+    gamma: float = field(default=0.99, validator=between(0, 1, below=True))
+    minibatch: int = field(default=100, validator=whole())
+    buffer: int = field(default=50_000, validator=whole())
+    n_samples: int = field(default=5, validator=whole())
+
+    def agent(self, q: QFunction, sources: Tensor, obs_dim: int, rng: Rng) -> InUnits:
+        """An agent that transfers from sources (R, S, d)."""
+        return InUnits(q, sources, obs_dim, self, rng)
+
+
+class InUnits(VariationalTransfer):
+    """``VariationalTransfer`` of w / u, on gradients divided by eta, several times a step.
+
+    eta is measured when 64, 128, 256, ... transitions are remembered, and never falls.
+    """
+
+    def __init__(
+        self, q: QFunction, sources: Tensor, obs_dim: int, settings: Recommended, rng: Rng
+    ) -> None:
+        self._unit = sources.square().mean((1, 2), keepdim=True).sqrt().clamp(min=1e-6)
+        self._eta, self._places = torch.zeros_like(self._unit), rng.stream("curvature")
+        self._updates, s = settings.updates, settings
+        in_units = Settings(
+            components=s.components,
+            lambda_=WORTH * NARROW**2,
+            psi=s.psi,
+            kappa=s.kappa,
+            gamma=s.gamma,
+            minibatch=s.minibatch,
+            buffer=s.buffer,
+            n_samples=s.n_samples,
+            alpha_L=SHARE * float(largest_step(torch.tensor(float(q.d)), s.n_samples)),
+            sigma_p2=NARROW**2,
+            clip=CLIP,
+            patience=FIRST,
+            responsibilities="equal",
+        )
+        super().__init__(q, sources / self._unit, obs_dim, in_units, rng)
+
+    @property
+    def mu(self) -> Tensor:
+        """The posterior's means (R, C, d)."""
+        return self._posterior.mu.detach() * self._unit
+
+    @property
+    def scale_tril(self) -> Tensor:
+        """The posterior's Cholesky factors, (R, C, d, d)."""
+        return self._posterior.scale_tril * self._unit.unsqueeze(-1)
+
+    def learn(self, transition: Transition) -> None:
+        """Store one transition of each run and take some gradient steps on eq. 5.2."""
+        super().learn(transition)
+        for _ in range(self._updates - 1):
+            self._update()
+        if self._steps >= FIRST and self._steps.bit_count() == 1:
+            self._measure()
+
+    def _measure(self) -> None:
+        s, batch = self._settings, self.remembered(self._places.uniform(MEASURED))
+        eta = curvature(self._q, self.mu[:, 0], batch, s.psi, s.gamma, s.kappa)
+        self._eta = torch.maximum(self._eta, eta.view(-1, 1, 1).to(self._eta) * self._unit**2)
+
+    def _gradients(self, w: Tensor, batch: Transition) -> Tensor:
+        scale = self._unit / self._eta.clamp(min=1e-6)
+        return super()._gradients(w * self._unit, batch).mul_(scale)
+
+    def _thompson(self) -> Tensor:
+        return super()._thompson() * self._unit
