@@ -8,12 +8,13 @@ import pytest
 import torch
 from torch.func import jacrev
 
+from vtbook.probes import steepest
 from vtlib.posteriors import Descent
 from vtlib.posteriors.dense import Dense
 from vtlib.priors import Precision, Start
 from vtlib.qfunctions import MLP
 from vtlib.replay import Transition
-from vtlib.stability import largest_step, steepest
+from vtlib.stability import curvature, largest_step
 from vtlib.td import td_error
 
 D, SAMPLES, REPEATS = 8, 3, 40_000
@@ -87,4 +88,5 @@ def test_the_eigenvalue_is_that_of_the_explicit_matrix(psi, run):
     expected = (np.arange(1, q.d + 1) * both / both.sum()).sum().real
     found, length = steepest(q, mu, batch, psi, gamma, kappa)
     assert float(found[run]) == pytest.approx(abs(values[top]), rel=1e-3)
+    assert float(curvature(q, mu, batch, psi, gamma, kappa)[run]) == pytest.approx(abs(values[top]))
     assert float(length[run]) == pytest.approx(expected, rel=1e-3)

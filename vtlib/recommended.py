@@ -14,7 +14,7 @@ import torch
 from attrs import field, frozen
 from torch import Tensor
 
-from vtlib.checks import between, positive, whole
+from vtlib.checks import between, whole
 from vtlib.qfunctions import QFunction
 from vtlib.replay import Transition
 from vtlib.rng import Rng
@@ -23,6 +23,7 @@ from vtlib.transfer import Settings, VariationalTransfer
 
 NARROW = 0.003  # standard deviation of the prior's components
 WORTH = 0.5  # of how many transitions the prior is worth
+SAMPLES = 5  # of each component
 SHARE = 0.25  # of the largest safe step on L
 CLIP = 1.0  # on the entries of a gradient, which are far smaller unless something explodes
 FIRST, MEASURED = 64, 200  # transitions that are only remembered; those that eta is taken from
@@ -33,20 +34,15 @@ class Recommended:
     """Parameters of the recommended method; none has to fit the task.
 
     components: C of the mixture, which start at as many sources, the first ones. updates: gradient
-    steps for each step of the environment. Others as in ``vtlib.transfer.Settings``. Raises
-    ValueError for a value outside its range.
+    steps for each step of the environment. gamma: discount. Raises ValueError for a value outside
+    its range.
     """
 
     transfers: ClassVar[bool] = True
 
     components: int = field(default=3, validator=whole())
     updates: int = field(default=4, validator=whole())
-    psi: float = field(default=0.5, validator=between(0, 1))
-    kappa: float = field(default=100.0, validator=positive())
     gamma: float = field(default=0.99, validator=between(0, 1, below=True))
-    minibatch: int = field(default=100, validator=whole())
-    buffer: int = field(default=50_000, validator=whole())
-    n_samples: int = field(default=5, validator=whole())
 
     def agent(self, q: QFunction, sources: Tensor, obs_dim: int, rng: Rng) -> InUnits:
         """An agent that transfers from sources (R, S, d)."""
@@ -64,17 +60,15 @@ class InUnits(VariationalTransfer):
     ) -> None:
         self._unit = sources.square().mean((1, 2), keepdim=True).sqrt().clamp(min=1e-6)
         self._eta, self._places = torch.zeros_like(self._unit), rng.stream("curvature")
-        self._updates, s = settings.updates, settings
+        self._updates = settings.updates
         in_units = Settings(
-            components=s.components,
+            components=settings.components,
+            gamma=settings.gamma,
             lambda_=WORTH * NARROW**2,
-            psi=s.psi,
-            kappa=s.kappa,
-            gamma=s.gamma,
-            minibatch=s.minibatch,
-            buffer=s.buffer,
-            n_samples=s.n_samples,
-            alpha_L=SHARE * float(largest_step(torch.tensor(float(q.d)), s.n_samples)),
+            minibatch=100,
+            buffer=50_000,
+            n_samples=SAMPLES,
+            alpha_L=SHARE * float(largest_step(torch.tensor(float(q.d)), SAMPLES)),
             sigma_p2=NARROW**2,
             clip=CLIP,
             patience=FIRST,

@@ -20,49 +20,27 @@ from torch import Tensor
 from vtlib.qfunctions import QFunction
 from vtlib.replay import Transition
 
-OFF = 1e-6  # relative; so far beside the eigenvalue its eigenvector is looked for
-
 
 def largest_step(length: Tensor, samples: int) -> Tensor:
     """The bound on alpha eta, for rows of L of a mean length d_eta (R,) and n samples."""
     return 2 * samples / (length + samples + 1)
 
 
-def steepest(
-    q: QFunction, mu: Tensor, batch: Transition, psi: float, gamma: float, kappa: float
-) -> tuple[Tensor, Tensor]:
-    """Eigenvalue eta (R,) of H of the largest modulus, and d_eta (R,), in float64.
-
-    At weights mu (R, d), over a mini-batch (R, B). H is not symmetric unless psi is 1; of a complex
-    pair the modulus and the real part are taken.
-    """
-    f, h = _td_gradients(q, mu, batch, psi, gamma, kappa)
-    H = torch.bmm(h.mT, f).double() * (2 / batch.action.shape[1])
-    values, vectors = torch.linalg.eig(H)
-    top = values.abs().argmax(1)
-    rows = torch.arange(len(mu))
-    eta, p = values[rows, top], vectors[rows, :, top]
-    beside = H.mT - (eta * (1 + OFF)).view(-1, 1, 1) * torch.eye(H.shape[-1])
-    u = p
-    for _ in range(2):
-        u = torch.linalg.solve(beside, u)
-        u = u / u.norm(dim=1, keepdim=True)
-    share = u * p / (u * p).sum(1, keepdim=True)
-    length = (share.real * torch.arange(1, H.shape[-1] + 1)).sum(1)
-    return eta.abs(), length
-
-
 def curvature(
     q: QFunction, mu: Tensor, batch: Transition, psi: float, gamma: float, kappa: float
 ) -> Tensor:
-    """eta (R,) alone, as ``steepest``, but at the cost of a B x B matrix: f h^T has it, too."""
-    f, h = _td_gradients(q, mu, batch, psi, gamma, kappa)
-    H = torch.bmm(f, h.mT).double() * (2 / batch.action.shape[1])
-    eta: Tensor = torch.linalg.eigvals(H).abs().amax(1)
+    """The modulus (R,) of eta at weights mu (R, d), over a minibatch (R, B), in float64.
+
+    At the cost of a matrix B x B: the eigenvalues of f h^T are those of H but for zeros. H is not
+    symmetric unless psi is 1, and eta may be one of a complex pair.
+    """
+    f, h = gradients_of_errors(q, mu, batch, psi, gamma, kappa)
+    K = torch.bmm(f, h.mT).double() * (2 / batch.action.shape[1])
+    eta: Tensor = torch.linalg.eigvals(K).abs().amax(1)
     return eta
 
 
-def _td_gradients(
+def gradients_of_errors(
     q: QFunction, mu: Tensor, batch: Transition, psi: float, gamma: float, kappa: float
 ) -> tuple[Tensor, Tensor]:
     """Gradients f and h (R, B, d) of each TD error, whole and psi-mixed."""

@@ -15,14 +15,17 @@ from vtlib.envs.base import Tasks
 from vtlib.envs.rooms.plan import plan_rooms
 from vtlib.envs.rooms.tasks import SIDE, Rooms
 from vtlib.experiments.experiment import Experiment
+from vtlib.qfunctions import QFunction
+from vtlib.replay import Transition
 from vtlib.rng import Rng
-from vtlib.stability import largest_step, steepest
+from vtlib.stability import gradients_of_errors, largest_step
 from vtlib.td import mellowmax
 from vtlib.training import Agent
 from vtlib.transfer import VariationalTransfer
 
 SAMPLES = 400  # of each component's posterior
 FEWER = 50  # the same where only a standard deviation is asked for
+OFF = 1e-6  # relative; so far beside an eigenvalue its eigenvector is looked for
 
 
 class Probe(ABC):
@@ -118,3 +121,27 @@ class StabilityProbe(Probe):
             "spread": self._q.q(self._samples(agent, FEWER), x).std(1).mean((1, 2)),
             "step": torch.stack(steps).amax(0).float(),
         }
+
+
+def steepest(
+    q: QFunction, mu: Tensor, batch: Transition, psi: float, gamma: float, kappa: float
+) -> tuple[Tensor, Tensor]:
+    """Eigenvalue eta (R,) of H of ``vtlib.stability``, and d_eta (R,), in float64.
+
+    At weights mu (R, d), over a mini-batch (R, B). H is not symmetric unless psi is 1; of a complex
+    pair the modulus and the real part are taken.
+    """
+    f, h = gradients_of_errors(q, mu, batch, psi, gamma, kappa)
+    H = torch.bmm(h.mT, f).double() * (2 / batch.action.shape[1])
+    values, vectors = torch.linalg.eig(H)
+    top = values.abs().argmax(1)
+    rows = torch.arange(len(mu))
+    eta, p = values[rows, top], vectors[rows, :, top]
+    beside = H.mT - (eta * (1 + OFF)).view(-1, 1, 1) * torch.eye(H.shape[-1])
+    u = p
+    for _ in range(2):
+        u = torch.linalg.solve(beside, u)
+        u = u / u.norm(dim=1, keepdim=True)
+    share = u * p / (u * p).sum(1, keepdim=True)
+    length = (share.real * torch.arange(1, H.shape[-1] + 1)).sum(1)
+    return eta.abs(), length
