@@ -55,6 +55,8 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     first = os.environ.get("PYTEST_XDIST_WORKER", FIRST) == FIRST
     if wanted and first and not config.option.collectonly:
         start_build()
+    if wanted and hasattr(config, "workerinput") and not config.option.collectonly:
+        os.nice(5)  # the build takes longest, and the tests that come last wait for it
 
 
 def start_build() -> None:

@@ -1,4 +1,4 @@
-"""Command line: python -m vtlib run | verify | reproduce | bench."""
+"""Command line: python -m vtlib run | verify | reproduce, and what packages add."""
 
 import sys
 

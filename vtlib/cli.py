@@ -1,10 +1,11 @@
-"""Command line: python -m vtlib run | verify | reproduce | bench."""
+"""Command line: python -m vtlib run | verify | reproduce, and what packages add."""
 
 import argparse
 import re
 import secrets
 import sys
 from collections.abc import Callable
+from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,7 @@ import numpy as np
 import torch
 from distributed import KilledWorker
 
-from vtlib import __version__, bench
+from vtlib import __version__
 from vtlib.checks import one_line
 from vtlib.experiments import installed, known, named, store
 from vtlib.experiments.experiment import Experiment
@@ -61,10 +62,11 @@ def _parser() -> argparse.ArgumentParser:
     again.add_argument("--runs", type=_at_least(1), help=told)
     told = "where to compute it: _build/reproduced, or _build/reproduced-N with --runs N"
     again.add_argument("--fresh", type=Path, help=told)
-    speed = commands.add_parser("bench", help="milliseconds per run and iteration on one core")
     for command, work in ((run, _run), (verify, _verify), (again, _reproduce)):
         command.set_defaults(command=work)
-    speed.set_defaults(command=lambda _: bench.main())
+    for one in entry_points(group="vtlib.commands"):
+        more = commands.add_parser(one.name, help=f"from {one.module}")
+        more.set_defaults(command=lambda _, one=one: one.load()())
     for command in (run, verify, again):
         command.add_argument("--results", type=Path, default=store.results_folder())
     for command in (run, again):

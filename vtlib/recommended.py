@@ -14,7 +14,7 @@ import torch
 from attrs import field, frozen
 from torch import Tensor
 
-from vtlib.checks import between, whole
+from vtlib.checks import between, check_kind, whole
 from vtlib.qfunctions import QFunction
 from vtlib.replay import Transition
 from vtlib.rng import Rng
@@ -58,6 +58,7 @@ class InUnits(VariationalTransfer):
     def __init__(
         self, q: QFunction, sources: Tensor, obs_dim: int, settings: Recommended, rng: Rng
     ) -> None:
+        check_kind("sources", sources, Tensor)
         self._unit = sources.square().mean((1, 2), keepdim=True).sqrt().clamp(min=1e-6)
         self._eta, self._places = torch.zeros_like(self._unit), rng.stream("curvature")
         self._updates = settings.updates
@@ -96,6 +97,7 @@ class InUnits(VariationalTransfer):
 
     def _measure(self) -> None:
         s, batch = self._settings, self.remembered(self._places.uniform(MEASURED))
+        batch = Transition(*(x.to(self._device) for x in batch))
         eta = curvature(self._q, self.mu[:, 0], batch, s.psi, s.gamma, s.kappa)
         self._eta = torch.maximum(self._eta, eta.view(-1, 1, 1).to(self._eta) * self._unit**2)
 

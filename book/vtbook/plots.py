@@ -35,6 +35,7 @@ COLOURS = {
     "fine-tuned": "#6c4824",
     "fine-tuned, greedy": "#E69F00",
     "fine-tuned mean": "#56B4E9",
+    "recommended": "#8b0a50",
 }
 PUBLISHED = "#8a8a8a"
 OPTIMUM = "#1a1a1a"

@@ -10,8 +10,9 @@ import torch
 from attrs import evolve
 from distributed import KilledWorker
 
+from vtbook import bench
 from vtbook.experiments import EXPERIMENTS, THESIS
-from vtlib import bench, cli, experiments
+from vtlib import cli, experiments
 from vtlib.experiments import installed, run, schedule, store
 from vtlib.experiments.ledger import recorded
 

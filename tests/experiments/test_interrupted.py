@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -133,6 +134,7 @@ def test_killed_while_a_file_is_put_in_place_the_same_command_goes_on(tmp_path):
     assert left == {"script.py", "results"}
 
 
+ITERATIONS = 1_000  # a second of computing
 MOMENTS = int(os.environ.get("VTLIB_MOMENTS", "2"))  # more on demand
 COMMANDS = {
     "run": ("run", "tiny", "--jobs", "2"),
@@ -142,14 +144,24 @@ COMMANDS = {
 DONE = {"run": "is complete", "reproduce": "none differs", "verify": "verified whole"}
 
 
+@pytest.fixture(scope="module")
+def complete(tmp_path_factory) -> Path:
+    """What the command stores undisturbed, for those that check it."""
+    folder = tmp_path_factory.mktemp("complete")
+    Command(folder, ITERATIONS).ends_well(DONE["run"])
+    return folder / "results"
+
+
 @needs_proc
 @pytest.mark.parametrize(("command", "moments"), [("reproduce", (1, 5)), ("verify", (1,))])
-def test_killed_while_it_checks_the_same_command_comes_to_the_same_end(tmp_path, command, moments):
-    Command(tmp_path, 400).ends_well(DONE["run"])
+def test_killed_while_it_checks_the_same_command_comes_to_the_same_end(
+    tmp_path, complete, command, moments
+):
+    shutil.copytree(complete, tmp_path / "results")
     before = {path: path.read_bytes() for path in (tmp_path / "results").rglob("*.*")}
     for number in moments:
-        Command(tmp_path, 400, *COMMANDS[command], KILL_AT=str(number)).is_killed()
-    Command(tmp_path, 400, *COMMANDS[command]).ends_well(DONE[command])
+        Command(tmp_path, ITERATIONS, *COMMANDS[command], KILL_AT=str(number)).is_killed()
+    Command(tmp_path, ITERATIONS, *COMMANDS[command]).ends_well(DONE[command])
     # what is checked is never touched
     assert {path: path.read_bytes() for path in before} == before
     assert not list(tmp_path.rglob("*.half"))
@@ -161,15 +173,14 @@ def test_killed_while_it_checks_the_same_command_comes_to_the_same_end(tmp_path,
     [*((command, signal.SIGINT) for command in COMMANDS), ("run", signal.SIGTERM)],
 )
 def test_an_interrupt_at_any_moment_ends_in_one_line_and_with_all_processes(
-    tmp_path, command, number
+    tmp_path, complete, command, number
 ):
-    iterations = 2_000
     # while it imports, starts workers, computes and stores; a second or two to each
     moments = np.random.default_rng([number, *command.encode()]).uniform(0.6, 8, MOMENTS)
     if command != "run":  # something has to be stored
-        Command(tmp_path, iterations).ends_well(DONE["run"])
+        shutil.copytree(complete, tmp_path / "results")
     for wait in moments:
-        it = Command(tmp_path, iterations, *COMMANDS[command])
+        it = Command(tmp_path, ITERATIONS, *COMMANDS[command])
         time.sleep(wait)
         if it.process.poll() is not None:
             it.ends_well(DONE[command])
@@ -182,4 +193,4 @@ def test_an_interrupt_at_any_moment_ends_in_one_line_and_with_all_processes(
         assert line == "vtlib: interrupted; the same command goes on from here"
         assert all("left" in shown for shown in bar if shown), err
         assert not list(Path(tempfile.gettempdir()).glob(f"vtlib-{it.process.pid}-*"))
-    Command(tmp_path, iterations, *COMMANDS[command]).ends_well(DONE[command])
+    Command(tmp_path, ITERATIONS, *COMMANDS[command]).ends_well(DONE[command])

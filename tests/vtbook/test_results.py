@@ -14,7 +14,7 @@ from vtlib.experiments.whole import check_runs, count_of, expected_seconds
 
 ROOT = results_folder()
 RESULTS = {f"{o.name}/{label}": (o, label) for o, label in results_behind(EXPERIMENTS.values())}
-HEADS, WHOLE_SECONDS, LONGEST = 3, 60, 30
+HEADS, WHOLE_SECONDS, LONGEST = 3, 30, 20
 # not all sources are solved
 SHORT = {
     "cartpole-sources",

@@ -19,7 +19,7 @@ from vtlib.experiments.experiment import Algorithm, Experiment
 from vtlib.recommended import Recommended
 
 OURS = "recommended"
-SHORT = 5_000  # iterations where the page's runs are longer
+CAR_ITERATIONS, MAZE_ITERATIONS = 5_000, 3_000  # the pages' runs are longer
 
 
 def _tuned(experiment: Experiment) -> Experiment:
@@ -42,11 +42,11 @@ def _beside(experiment: Experiment, **fields: Any) -> Experiment:
     return evolve(experiment, name=name, stream=experiment.stream, **fields)
 
 
-def _long(experiment: Experiment) -> Experiment:
-    return _beside(experiment, algorithms={OURS: Recommended()}, iterations=SHORT)
+def _long(experiment: Experiment, iterations: int) -> Experiment:
+    return _beside(experiment, algorithms={OURS: Recommended()}, iterations=iterations)
 
 
 TUNED = tuple(_tuned(one.judged()) for one in ENVIRONMENTS)
-MOUNTAIN_CAR = _long(CAR.published)
-MAZE = _long(MAZE_TARGETS[MAIN].published)
+MOUNTAIN_CAR = _long(CAR.published, CAR_ITERATIONS)
+MAZE = _long(MAZE_TARGETS[MAIN].published, MAZE_ITERATIONS)
 EXPERIMENTS = (*TUNED, MOUNTAIN_CAR, MAZE)

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from vtlib import bench
+from vtbook import bench
 from vtlib.experiments import named
 
 
