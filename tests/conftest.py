@@ -45,12 +45,17 @@ _build: list[subprocess.Popen] = []
 
 @pytest.hookimpl(tryfirst=True)  # groups are read by what comes after
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Tests that ask for the book come last; a file's tests share a process, and its fixtures."""
+    """Tests that ask for the book come last; a file's tests share a process, and its fixtures.
+
+    Those of single pages are shared by two processes.
+    """
     wanted = [x for x in items if "build_faults" in getattr(x, "fixturenames", ())]
     items.sort(key=wanted.__contains__)
     for item in items if hasattr(config, "workerinput") else ():
         file = item.nodeid.partition("::")[0]
-        group = f"{file}, of the book" if item in wanted else file
+        page = getattr(item, "callspec", None) and item.callspec.params.get("name")
+        half = "first" if isinstance(page, str) and page < "g" else "last"
+        group = f"{file}, of the book's {half} pages" if item in wanted else file
         item.add_marker(pytest.mark.xdist_group(group))
     first = os.environ.get("PYTEST_XDIST_WORKER", FIRST) == FIRST
     if wanted and first and not config.option.collectonly:

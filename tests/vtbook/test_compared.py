@@ -6,8 +6,12 @@ import pytest
 from attrs import evolve
 
 from vtbook.experiments.compared import BUDGET, ENVIRONMENTS, SPACES, candidate, drawn
+from vtbook.experiments.maze import MAIN, MAZE_TARGETS
+from vtbook.experiments.mountain_car import CAR
+from vtbook.experiments.recommended import EXPERIMENTS as RECOMMENDED
 from vtlib.experiments.run import run_batch, targets
 from vtlib.experiments.store import weights
+from vtlib.recommended import Recommended
 from vtlib.training import Diverged
 
 EACH = pytest.mark.parametrize("e", ENVIRONMENTS, ids=lambda e: e.experiment.name)
@@ -64,3 +68,14 @@ def test_tasks_of_tuning_and_of_judgement_differ(e):
     told = values(targets(judged, range(judged.runs)))
     for name, tuned in values(targets(tuning, range(tuning.runs))).items():
         assert np.ptp(told[name]) == 0 or not np.isin(tuned, told[name]).all()
+
+
+@pytest.mark.parametrize("ours", RECOMMENDED, ids=lambda e: e.name)
+def test_the_recommended_method_has_the_tasks_and_sources_of_those_beside_it(ours):
+    beside = [*(e.judged() for e in ENVIRONMENTS), CAR.published, MAZE_TARGETS[MAIN].published]
+    (other,) = (x for x in beside if x.stream == ours.stream)
+    assert ours.iterations <= other.iterations
+    for key in ("family", "pool", "runs", "sources", "every", "excluded", "runs_per_task"):
+        assert getattr(ours, key) == getattr(other, key), key
+    settings = [x for x in ours.algorithms.values() if isinstance(x, Recommended)]
+    assert settings[0] == Recommended()

@@ -23,17 +23,16 @@ CAR_ITERATIONS, MAZE_ITERATIONS = 5_000, 3_000  # the pages' runs are longer
 
 
 def _tuned(experiment: Experiment) -> Experiment:
-    """Beside tuned algorithms, also with one update a step, one component, or a learner alone."""
-    tuning = experiment.algorithms["fine-tuned"]
+    """Beside tuned algorithms; where tasks are like the sources', also without one of its parts."""
+    tuning, ours = experiment.algorithms["fine-tuned"], Recommended()
     assert isinstance(tuning, FineTuning)
-    ours = Recommended()
-    algorithms: dict[str, Algorithm] = {
-        OURS: ours,
+    parts: dict[str, Algorithm] = {
         "one component": evolve(ours, components=1),
         "one update": evolve(ours, updates=1),
         "fine-tuned, as many updates": RepeatedTuning(tuning, ours.updates),
     }
-    return _beside(experiment, algorithms=algorithms)
+    alike = not experiment.name.startswith("rooms-distribution-change")
+    return _beside(experiment, algorithms={OURS: ours, **(parts if alike else {})})
 
 
 def _beside(experiment: Experiment, **fields: Any) -> Experiment:
