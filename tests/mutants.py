@@ -120,6 +120,15 @@ FAULTS: dict[str, list[tuple[str, str]]] = {
         ('if self._settings.act == "step"', 'if self._settings.act != "step"'),
         ("between(0, HUGE)", "between(-1, HUGE)"),
     ],
+    "vtlib/recommended": [
+        ("sources / self._unit,", "sources,"),
+        ("self._unit / self._eta", "self._unit * self._eta"),
+        ("torch.maximum(self._eta", "torch.minimum(self._eta"),
+        ("self._updates - 1", "0 * self._updates"),
+        ("patience=FIRST", "patience=0"),
+        ("super()._thompson() * self._unit", "super()._thompson()"),
+        ("alpha_L=SHARE *", "alpha_L=8 *"),
+    ],
     "vtlib/baselines": [
         ("error.clamp_(-1, 1)", "error.clamp_(-2, 2)"),
         ("% self._settings.target_every == 0", "% self._settings.target_every == 1"),

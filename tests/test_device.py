@@ -11,7 +11,9 @@ from torch.overrides import TorchFunctionMode
 from torch.utils._pytree import tree_leaves
 
 from vtlib import posteriors
+from vtlib.experiments.experiment import Algorithm
 from vtlib.qfunctions import MLP, QFunction, RBFLinear
+from vtlib.recommended import FIRST, Recommended
 from vtlib.replay import Transition
 from vtlib.rng import Rng
 from vtlib.transfer import Settings
@@ -48,13 +50,14 @@ class PretendedCard(TorchFunctionMode):
         return func(*args, **kwargs)
 
 
-def course(q: QFunction, settings: Settings, device: str) -> list[Tensor]:
+def course(q: QFunction, settings: Algorithm, device: str, steps: int = 20) -> list[Tensor]:
     """Means, factors and actions of two runs whose gradients are large now and then."""
     g = torch.Generator().manual_seed(0)
-    sources, obs = 0.3 * torch.randn(2, 4, q.d, generator=g), torch.randn(22, 2, 2, generator=g)
+    sources = 0.3 * torch.randn(2, 4, q.d, generator=g)
+    obs = torch.randn(steps + 1, 2, 2, generator=g)
     agent = settings.agent(q, sources.to(device), 2, Rng("device", [0, 1]))
     taken, flags = [], torch.tensor([True, False])
-    for t in range(20):
+    for t in range(steps):
         taken.append(agent.act(obs[t], flags))
         reward = torch.tensor([1e5 if t % 7 == 6 else 1.0, 1.0])
         agent.learn(Transition(obs[t], taken[-1], reward, obs[t + 1], flags))
@@ -76,8 +79,19 @@ def course(q: QFunction, settings: Settings, device: str) -> list[Tensor]:
 def test_runs_on_a_card_mix_nothing_and_are_the_same(monkeypatch, q, changes):
     monkeypatch.setattr(posteriors, "kernels", lambda: None)  # they are the processor's
     settings = Settings(**changes, lambda_=1e-2, alpha_L=1e-4, minibatch=3, n_samples=2)
-    here = course(q, settings, "cpu")
+    assert_same(q, settings)
+
+
+@pytest.mark.parametrize("q", [RBFLinear(torch.arange(3.0), 0.5, 2), MLP((2, 9, 2))])
+def test_so_is_the_recommended_method(monkeypatch, q):
+    monkeypatch.setattr(posteriors, "kernels", lambda: None)
+    assert_same(q, Recommended(), FIRST + 2)
+
+
+def assert_same(q: QFunction, settings: Algorithm, steps: int = 20) -> None:
+    """Runs here and on the card are the same."""
+    here = course(q, settings, "cpu", steps)
     with PretendedCard():
-        there = course(q, settings, "cuda")
+        there = course(q, settings, "cuda", steps)
     for ours, theirs in zip(here, there, strict=True):
         assert torch.equal(ours, theirs)

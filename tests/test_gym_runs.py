@@ -95,6 +95,11 @@ def test_without_settings_the_recommended_ones_start_at_the_best_sources():
     torch.testing.assert_close(learned.weights[0], BOTH[[1, 0, 1]])
 
 
+def test_a_learner_stays_on_the_processor():
+    learned = transfer([Corridor()], Q, BOTH, 2, FineTuning(LEARNER), trials=0, device="cuda")
+    assert learned.weights.device.type == "cpu"
+
+
 def test_without_trials_it_is_the_method_alone():
     learned = transfer([Corridor()], Q, BOTH, 1, TRANSFER, trials=0)
     assert (learned.steps.tolist(), learned.improved.tolist()) == ([1], [True])

@@ -3,7 +3,7 @@
 import pytest
 import torch
 
-from vtlib.qfunctions import RBFLinear
+from vtlib.qfunctions import MLP, RBFLinear, greedy
 from vtlib.recommended import FIRST, Recommended
 from vtlib.replay import Transition
 from vtlib.rng import Rng
@@ -32,13 +32,13 @@ def stream(seed=0):
         yield Transition(obs, action, torch.rand(RUNS, generator=g), after, end)
 
 
-def learned(steps, unit=1.0, rows=(0, 1), **settings):
+def learned(steps, unit=1.0, rows=(0, 1), larger=1.0, **settings):
     """An agent after so many transitions, and the actions that it chose on the way."""
     g = torch.Generator().manual_seed(7)
     sources = torch.randn(RUNS, SOURCES, FEATURES * ACTIONS, generator=g) * unit
     rows, actions = list(rows), []
     rng = Rng("recommended", rows)
-    agent = Recommended(**settings).agent(Linear(unit), sources[rows], FEATURES, rng)
+    agent = Recommended(**settings).agent(Linear(unit / larger), sources[rows], FEATURES, rng)
     for _, t in zip(range(steps), stream(), strict=False):
         actions.append(agent.act(t.obs[rows], torch.zeros(len(rows), dtype=torch.bool)))
         agent.learn(Transition(*(x[rows] for x in t)))
@@ -65,13 +65,24 @@ def test_it_starts_at_different_sources_and_only_remembers_at_first():
     assert ((after.mu - sources).abs().amax(-1) > 0).all()
 
 
+def test_at_first_it_acts_as_its_source():
+    q, g = MLP((FEATURES, 5, ACTIONS)), torch.Generator().manual_seed(2)
+    sources = 0.1 * torch.randn(RUNS, SOURCES, q.d, generator=g)
+    agent = Recommended(components=1).agent(q, sources, FEATURES, Rng("recommended", [0, 1]))
+    states = torch.randn(100, RUNS, FEATURES, generator=g)
+    acts = torch.stack([agent.act(obs, torch.zeros(RUNS, dtype=torch.bool)) for obs in states])
+    expected = torch.stack([greedy(q, sources[:, :1], obs) for obs in states])
+    assert (acts == expected).float().mean() > 0.97  # draws are close to their mean
+
+
 def test_more_updates_go_further():
     far = [(learned(FIRST + 20, updates=n)[0].mu - learned(FIRST)[2]).norm() for n in (1, 4)]
     assert far[1] > 2 * far[0]
 
 
-def test_the_factor_does_not_explode():
-    agent, _, sources = learned(600)
+@pytest.mark.parametrize("larger", [1.0, 10.0])
+def test_the_factor_does_not_explode(larger):
+    agent, _, sources = learned(600, larger=larger)
     assert agent.scale_tril.abs().max() < 0.1 * sources.square().mean().sqrt()
 
 

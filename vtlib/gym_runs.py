@@ -139,7 +139,8 @@ def transfer(
         order = torch.argsort(-earned.mean(2), dim=1, stable=True)
         shared = shared.gather(1, order.unsqueeze(2).expand_as(shared))
     episodes, rng = _episodes(envs, q, name, gamma), Rng(name, range(len(envs)))
-    agent = settings.agent(q, shared.to(device), episodes.obs_dim, rng)
+    where = "cpu" if isinstance(settings, FineTuning) else device  # only posteriors go elsewhere
+    agent = settings.agent(q, shared.to(where), episodes.obs_dim, rng)
     learned = _learn(agent, episodes, iterations, name, callback, progress)
     learned = evolve(learned, steps=learned.steps + steps)
     if not trials:
