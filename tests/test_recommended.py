@@ -86,6 +86,21 @@ def test_the_factor_does_not_explode(larger):
     assert agent.scale_tril.abs().max() < 0.1 * sources.square().mean().sqrt()
 
 
+@pytest.mark.parametrize(
+    ("sources", "said"),
+    [
+        (torch.zeros(2, 3, 8), "neither all zero"),
+        (torch.full((2, 3, 8), 1e25), "nor huge"),
+        (torch.ones(2, 3, 8, dtype=torch.float64), "float32"),
+        (torch.ones(2, 8), "shape"),
+        (None, "sources must be"),
+    ],
+)
+def test_sources_that_are_no_unit_are_refused(sources, said):
+    with pytest.raises(ValueError, match=said):
+        Recommended().agent(Linear(), sources, FEATURES, Rng("recommended", [0, 1]))
+
+
 @pytest.mark.parametrize("wrong", [{"components": 0}, {"updates": 0}, {"gamma": 1}])
 def test_settings_out_of_range_are_refused(wrong):
     with pytest.raises(ValueError, match=f"{next(iter(wrong))} must"):

@@ -90,3 +90,13 @@ def test_the_eigenvalue_is_that_of_the_explicit_matrix(psi, run):
     assert float(found[run]) == pytest.approx(abs(values[top]), rel=1e-3)
     assert float(curvature(q, mu, batch, psi, gamma, kappa)[run]) == pytest.approx(abs(values[top]))
     assert float(length[run]) == pytest.approx(expected, rel=1e-3)
+
+
+def test_weights_that_are_not_finite_have_no_curvature():
+    q, flags = MLP((3, 5, 2)), torch.zeros(2, 4, dtype=torch.bool)
+    mu, obs = torch.ones(2, q.d), torch.ones(2, 4, 3)
+    mu[1, 0] = torch.nan
+    found = curvature(
+        q, mu, Transition(obs, flags.long(), flags.float(), obs, flags), 0.5, 0.9, 2.0
+    )
+    assert found.isnan().tolist() == [False, True]

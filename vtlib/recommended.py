@@ -1,9 +1,9 @@
-"""The settings that we recommend: variational transfer in units in which nothing is left to tune.
+"""The settings that we recommend: variational transfer in units in which one setting can serve.
 
-Weights are measured in units of the sources, u, the root of their mean square. The TD error is
-measured in units of its largest curvature there, eta (``vtlib.stability``), which the agent takes
-from what it remembers. In these units one prior, one weight of the divergence and one step on L
-serve every task: the step is a share of the largest that is safe.
+Weights are measured in units of the sources, u, the root of their mean square. The squared TD error
+is divided by its largest curvature, eta (``vtlib.stability``), which the agent takes from what it
+remembers. In these units the prior, the weight of the divergence and the step on L are the same for
+every task: the step is a share of the largest that is safe.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import torch
 from attrs import field, frozen
 from torch import Tensor
 
-from vtlib.checks import between, check_kind, whole
+from vtlib.checks import between, check_kind, check_weights, whole
 from vtlib.qfunctions import QFunction
 from vtlib.replay import Transition
 from vtlib.rng import Rng
@@ -24,18 +24,19 @@ from vtlib.transfer import Settings, VariationalTransfer
 NARROW = 0.003  # standard deviation of the prior's components
 WORTH = 0.5  # of how many transitions the prior is worth
 SAMPLES = 5  # of each component
-SHARE = 0.25  # of the largest safe step on L
+SHARE = 0.25  # of the largest safe step on L, which the components share
 CLIP = 1.0  # on the entries of a gradient, which are far smaller unless something explodes
+FLAT = 1e-30  # stands for no curvature at all
 FIRST, MEASURED = 64, 200  # transitions that are only remembered; those that eta is taken from
 
 
 @frozen
 class Recommended:
-    """Parameters of the recommended method; none has to fit the task.
+    """Parameters of the recommended method, the same for every task.
 
-    components: C of the mixture, which start at as many sources, the first ones. updates: gradient
-    steps for each step of the environment. gamma: discount. Raises ValueError for a value outside
-    its range.
+    components: C of the mixture, which start at the first sources, again from the first where there
+    are fewer. updates: gradient steps for each step of the environment, but none in the first 64.
+    gamma: discount. Raises ValueError for a value outside its range.
     """
 
     transfers: ClassVar[bool] = True
@@ -52,14 +53,20 @@ class Recommended:
 class InUnits(VariationalTransfer):
     """``VariationalTransfer`` of w / u, on gradients divided by eta, several times a step.
 
-    eta is measured when 64, 128, 256, ... transitions are remembered, and never falls.
+    eta is measured at the first component's mean when 64, 128, 256, ... transitions are remembered,
+    and never falls. Raises ValueError for sources that are missing, not finite, all zero, not
+    float32 or not of the Q-function's shape.
     """
 
     def __init__(
         self, q: QFunction, sources: Tensor, obs_dim: int, settings: Recommended, rng: Rng
     ) -> None:
         check_kind("sources", sources, Tensor)
-        self._unit = sources.square().mean((1, 2), keepdim=True).sqrt().clamp(min=1e-6)
+        check_weights("sources", sources, "run", "source", q.d)
+        sources = sources.detach()
+        self._unit = sources.square().mean((1, 2), keepdim=True).sqrt()
+        if not bool(((self._unit > 0) & self._unit.isfinite()).all()):
+            raise ValueError("sources must be neither all zero nor huge: they are weights' unit")
         self._eta, self._places = torch.zeros_like(self._unit), rng.stream("curvature")
         self._updates = settings.updates
         in_units = Settings(
@@ -102,7 +109,7 @@ class InUnits(VariationalTransfer):
         self._eta = torch.maximum(self._eta, eta.view(-1, 1, 1).to(self._eta) * self._unit**2)
 
     def _gradients(self, w: Tensor, batch: Transition) -> Tensor:
-        scale = self._unit / self._eta.clamp(min=1e-6)
+        scale = self._unit / self._eta.clamp(min=FLAT)
         return super()._gradients(w * self._unit, batch).mul_(scale)
 
     def _thompson(self) -> Tensor:

@@ -32,12 +32,14 @@ def curvature(
     """The modulus (R,) of eta at weights mu (R, d), over a minibatch (R, B), in float64.
 
     At the cost of a matrix B x B: the eigenvalues of f h^T are those of H but for zeros. H is not
-    symmetric unless psi is 1, and eta may be one of a complex pair.
+    symmetric unless psi is 1, and eta may be one of a complex pair. NaN where weights are.
     """
     f, h = gradients_of_errors(q, mu, batch, psi, gamma, kappa)
     K = torch.bmm(f, h.mT).double() * (2 / batch.action.shape[1])
-    eta: Tensor = torch.linalg.eigvals(K).abs().amax(1)
-    return eta
+    finite = K.isfinite().all(2).all(1)
+    # some builds of LAPACK crash on others
+    eta = torch.linalg.eigvals(torch.where(finite.view(-1, 1, 1), K, 0.0)).abs().amax(1)
+    return torch.where(finite, eta, torch.nan)
 
 
 def gradients_of_errors(
