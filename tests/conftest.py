@@ -38,6 +38,8 @@ BUILT = "VTLIB_BOOK_HTML"
 FIRST = "gw0"  # of the processes that share the tests; it starts the build
 LOG, STATUS = (ROOT / "_build" / f"test-build.{x}" for x in ("log", "status"))
 BUILD_LIMIT = 1800  # seconds
+# Of this process; none where the system does not tell.
+CORES = sorted(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else []
 CELL = re.compile(r"```\{code-cell\} python3\n(?:---\n(.*?)\n---\n)?(.*?)```", re.DOTALL)
 
 _build: list[subprocess.Popen] = []
@@ -60,8 +62,9 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     first = os.environ.get("PYTEST_XDIST_WORKER", FIRST) == FIRST
     if wanted and first and not config.option.collectonly:
         start_build()
-    if wanted and hasattr(config, "workerinput") and not config.option.collectonly:
-        os.nice(5)  # the build takes longest, and the tests that come last wait for it
+    if wanted and hasattr(config, "workerinput") and BUILT not in os.environ and len(CORES) > 1:
+        # until it is done the build has one to itself: it takes longest, and others wait for it
+        os.sched_setaffinity(0, CORES[1:])
 
 
 def start_build() -> None:
@@ -76,6 +79,12 @@ def start_build() -> None:
     with LOG.open("w") as out:
         # in a group of its own, which can be ended whole
         _build.append(subprocess.Popen(shell, cwd=ROOT, stdout=out, stderr=out, process_group=0))
+
+
+def pytest_runtest_setup() -> None:
+    """Take back the processor of a build that is done."""
+    if len(CORES) > 1 and STATUS.exists():
+        os.sched_setaffinity(0, CORES)
 
 
 def pytest_sessionfinish(exitstatus: int) -> None:

@@ -35,7 +35,7 @@ COLOURS = {
     "fine-tuned": "#6c4824",
     "fine-tuned, greedy": "#E69F00",
     "fine-tuned mean": "#56B4E9",
-    "recommended": "#8b0a50",
+    "recommended": "#8200d8",
 }
 PUBLISHED = "#8a8a8a"
 OPTIMUM = "#1a1a1a"
@@ -50,6 +50,7 @@ STYLES: dict[str, LineStyleType] = {
     "fine-tuned": (0, (2, 1)),
     "fine-tuned, greedy": (0, (2, 1, 1, 1)),
     "fine-tuned mean": (0, (8, 2)),
+    "recommended": (0, (12, 1)),
 }
 STYLE: dict[Any, Any] = {  # by matplotlib's names of its settings
     "figure.facecolor": "white",
