@@ -169,6 +169,7 @@ ENV = Corridor()
          r"has not ended after 50 steps: gymnasium\.wrappers\.Time"),
         (partial(solve, [ENV], Q, 10, "mellow"), "settings must be"),
         (partial(transfer, [ENV], Q, SOURCES, 10, "mellow"), "settings must be"),
+        (partial(transfer, [ENV], Q, SOURCES, 10, 0), "settings must be"),
         (partial(solve, [ENV, ENV], Q, 10), "one is given twice"),
         (partial(solve, [Corridor(space=(2, 2))], Q, 10), "FlattenObservation makes one of it"),
         (partial(solve, [ENV], MLP((4, 8, 3)), 10), "the environments' 2 actions, got 3"),

@@ -123,7 +123,7 @@ def transfer(
     check_whole("trials", trials, 0)
     check_kind("sources", sources, Tensor)
     check_weights("sources", sources, "source", q.d)
-    settings = settings or Recommended()
+    settings = Recommended() if settings is None else settings
     check_kind("settings", settings, Settings | FineTuning | Recommended)
     gamma = (settings.learner if isinstance(settings, FineTuning) else settings).gamma
     name, sources = _name("transfer", seed), sources.detach().cpu()

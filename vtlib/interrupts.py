@@ -4,6 +4,7 @@ An orderly end would wait for workers, which are what one may want to be rid of.
 their names only when they are complete, so nothing has to be tidied up but processes and scratch.
 """
 
+import atexit
 import contextlib
 import multiprocessing
 import os
@@ -16,13 +17,19 @@ from multiprocessing import resource_tracker
 from pathlib import Path
 from types import FrameType
 
+SIGNALS = signal.SIGINT, signal.SIGTERM
 LINE = b"\nvtlib: interrupted; the same command goes on from here\n"
 
 
 def end_at_once() -> None:
-    """From now on SIGINT and SIGTERM end this process, with one line and exit code 128 + signal."""
-    for number in (signal.SIGINT, signal.SIGTERM):
+    """From now on SIGINT and SIGTERM end this process, with one line and exit code 128 + signal.
+
+    Not once its work is done: Python takes a good part of a second to leave, and takes its handlers
+    away before.
+    """
+    for number in SIGNALS:
         signal.signal(number, _end)
+    atexit.register(_ignore)
 
 
 def scratch() -> tempfile.TemporaryDirectory[str]:
@@ -45,6 +52,11 @@ def for_this_process_alone() -> Iterator[None]:
 
 def _prefix() -> str:
     return f"vtlib-{os.getpid()}-"
+
+
+def _ignore() -> None:
+    for number in SIGNALS:
+        signal.signal(number, signal.SIG_IGN)
 
 
 def _end(number: int, frame: FrameType | None) -> None:

@@ -196,11 +196,8 @@ class VariationalTransfer:
         runs, components, d = mu.shape
         w = self._samples[:, :, 1:].reshape(runs, components * s.n_samples, d)
         # the posterior's expectation is a mean over components and over their samples
-        gradients = (
-            self._gradients(w, batch)
-            .div_(components * s.n_samples)
-            .view(runs, components, s.n_samples, d)
-        )
+        gradients = self._gradients(w, batch).div_(components * s.n_samples)
+        gradients = gradients.view(runs, components, s.n_samples, d)
         step = gradients.sum(2).add_(self._prior.pull(mu), alpha=kl_weight)
         mu.grad = step if s.clip is None else step.clamp_(-s.clip, s.clip)
         self._adam.step()

@@ -22,30 +22,28 @@ OURS = "recommended"
 CAR_ITERATIONS, MAZE_ITERATIONS = 5_000, 3_000  # the pages' runs are longer
 
 
-def _tuned(experiment: Experiment) -> Experiment:
-    """Beside tuned algorithms; where tasks are like the sources', also without one of its parts."""
+def _beside(experiment: Experiment, **fields: Any) -> Experiment:
+    """The method on the same tasks with the same random numbers, under a name of its own."""
+    name = f"{experiment.name.removesuffix('-compared')}-recommended"
+    fields = {"algorithms": {OURS: Recommended()}, **fields}
+    return evolve(experiment, name=name, stream=experiment.stream, **fields)
+
+
+def _in_parts(experiment: Experiment) -> Experiment:
+    """Also without one of its parts, and a learner alone with as many updates."""
     tuning, ours = experiment.algorithms["fine-tuned"], Recommended()
     assert isinstance(tuning, FineTuning)
-    parts: dict[str, Algorithm] = {
+    algorithms: dict[str, Algorithm] = {
+        OURS: ours,
         "one component": evolve(ours, components=1),
         "one update": evolve(ours, updates=1),
         "fine-tuned, as many updates": RepeatedTuning(tuning, ours.updates),
     }
-    alike = not experiment.name.startswith("rooms-distribution-change")
-    return _beside(experiment, algorithms={OURS: ours, **(parts if alike else {})})
+    return _beside(experiment, algorithms=algorithms)
 
 
-def _beside(experiment: Experiment, **fields: Any) -> Experiment:
-    """The same tasks and random numbers, under a name of its own."""
-    name = f"{experiment.name.removesuffix('-compared')}-recommended"
-    return evolve(experiment, name=name, stream=experiment.stream, **fields)
-
-
-def _long(experiment: Experiment, iterations: int) -> Experiment:
-    return _beside(experiment, algorithms={OURS: Recommended()}, iterations=iterations)
-
-
-TUNED = tuple(_tuned(one.judged()) for one in ENVIRONMENTS)
-MOUNTAIN_CAR = _long(CAR.published, CAR_ITERATIONS)
-MAZE = _long(MAZE_TARGETS[MAIN].published, MAZE_ITERATIONS)
+ROOMS, CHANGED, POLES = (one.judged() for one in ENVIRONMENTS)
+TUNED = (_in_parts(ROOMS), _beside(CHANGED), _in_parts(POLES))
+MOUNTAIN_CAR = _beside(CAR.published, iterations=CAR_ITERATIONS)
+MAZE = _beside(MAZE_TARGETS[MAIN].published, iterations=MAZE_ITERATIONS)
 EXPERIMENTS = (*TUNED, MOUNTAIN_CAR, MAZE)
