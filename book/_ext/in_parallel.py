@@ -1,0 +1,75 @@
+"""Sphinx extension: pages that have to run do so side by side, one for each processor.
+
+Sphinx reads one page after the other, and running a page is most of that. Here what is not in the
+execution cache is run before it reads; a page that fails is left to it, for its account of that.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import math
+import os
+import time
+from pathlib import Path
+from typing import Any
+
+from jupyter_cache import get_cache
+from jupyter_cache.base import CacheBundleIn
+from myst_nb.core.read import create_nb_reader
+from nbclient import NotebookClient
+from nbclient.exceptions import CellControlSignal, DeadKernelError
+from nbformat import NotebookNode
+from sphinx.util import logging
+
+LOGGER = logging.getLogger(__name__)
+AT_MOST = 4  # pages at a time: each holds the stored runs that it shows in memory
+
+
+async def run(path: Path, page: NotebookNode, timeout: int, room: asyncio.Semaphore) -> float:
+    """Run a page's cells in place; the seconds that took, infinitely many if it could not."""
+    async with room:
+        begin = time.monotonic()
+        where = {"metadata": {"path": str(path.parent)}}
+        try:
+            await NotebookClient(page, timeout=timeout, resources=where).async_execute()
+        except (CellControlSignal, DeadKernelError):
+            return math.inf
+        seconds = time.monotonic() - begin
+        LOGGER.info(f"ran {path.stem} in {seconds:.0f} s")
+        return seconds
+
+
+async def run_all(pages: dict[Path, NotebookNode], timeout: int) -> list[float]:
+    """Run pages side by side, in their order; the seconds that each took."""
+    room = asyncio.Semaphore(min(len(os.sched_getaffinity(0)), AT_MOST))
+    return await asyncio.gather(*(run(*one, timeout, room) for one in pages.items()))
+
+
+def is_cached(cache: Any, page: NotebookNode) -> bool:
+    """Whether these cells have run before."""
+    try:
+        return bool(cache.match_cache_notebook(page))
+    except KeyError:
+        return False
+
+
+def run_pages(app: Any, env: Any, docnames: list[str]) -> None:
+    """Fill the execution cache with the pages that are to be read and are not in it."""
+    cache, pages = get_cache(app.config.nb_execution_cache_path), {}
+    for path in (Path(env.doc2path(name)) for name in docnames):
+        text = path.read_text(encoding="utf-8")
+        reader = create_nb_reader(str(path), env.myst_config, env.mystnb_config, text)
+        if reader is not None:
+            pages[path] = reader.read(text)
+    pages = {path: page for path, page in pages.items() if not is_cached(cache, page)}
+    took = asyncio.run(run_all(pages, env.mystnb_config.execution_timeout))
+    for (path, page), seconds in zip(pages.items(), took, strict=True):
+        if seconds < math.inf:
+            done = CacheBundleIn(page, str(path), data={"execution_seconds": seconds})
+            cache.cache_notebook_bundle(done, check_validity=False, overwrite=True)
+
+
+def setup(app: Any) -> dict[str, Any]:
+    """Register with Sphinx."""
+    app.connect("env-before-read-docs", run_pages)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}
