@@ -22,6 +22,7 @@ from nbformat import NotebookNode
 from sphinx.util import logging
 
 LOGGER = logging.getLogger(__name__)
+QUIET = ["--log-level=ERROR"]  # a kernel would warn that it talks to us without encryption
 AT_MOST = 4  # pages at a time: each holds the stored runs that it shows in memory
 
 
@@ -31,7 +32,8 @@ async def run(path: Path, page: NotebookNode, timeout: int, room: asyncio.Semaph
         begin = time.monotonic()
         where = {"metadata": {"path": str(path.parent)}}
         try:
-            await NotebookClient(page, timeout=timeout, resources=where).async_execute()
+            client = NotebookClient(page, timeout=timeout, resources=where, extra_arguments=QUIET)
+            await client.async_execute()
         except (CellControlSignal, DeadKernelError):
             return math.inf
         seconds = time.monotonic() - begin

@@ -21,6 +21,7 @@ from PIL import Image
 from xarray import Dataset
 
 from vtbook.costs import steps_to_solve
+from vtbook.phones import narrow
 from vtbook.published import PublishedCurve
 from vtlib.stats import Interval, mean_interval
 
@@ -72,9 +73,17 @@ STYLE: dict[Any, Any] = {  # by matplotlib's names of its settings
 
 
 class BookFigure(Figure):
-    """A figure that notebooks show by itself, without a plotting backend."""
+    """A figure that notebooks show by itself, without a plotting backend.
 
-    def _repr_png_(self) -> bytes:
+    Beside its picture goes one for telephones, for the book's pages to offer.
+    """
+
+    def _repr_png_(self) -> tuple[bytes, dict[str, str]]:
+        wide = self._png()
+        with narrow(self):
+            return wide, {"narrow": b64encode(self._png()).decode()}
+
+    def _png(self) -> bytes:
         raw = io.BytesIO()
         self.savefig(raw, format="png", dpi=STYLE["savefig.dpi"])
         return raw.getvalue()
