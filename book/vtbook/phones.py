@@ -10,14 +10,16 @@ from typing import Any
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.gridspec import GridSpec
+from matplotlib.gridspec import GridSpec, SubplotSpec
 from matplotlib.text import Text
 
 WIDTH = 3.8  # inches, at 96 pixels to an inch what a page leaves of 390 pixels
 SMALLEST = 9.5  # points
-TALLEST = 2.3  # inches, of a panel of curves
-LETTERS = 54  # in a line of that width
-MANY = 6  # panels, of which more stand in two columns
+LOWEST, TALLEST = 1.5, 2.3  # inches, of a panel of curves with what is written around it
+LETTERS = {1: 46, 2: 18, 4: 8}  # in the title of a panel, by the columns
+MANY = {True: (6,), False: (2, 8)}  # panels of curves, or maps: more have twice the columns
+Panels = dict[Axes, SubplotSpec]
+Change = Callable[[Callable[[Any], Any], Any, Any], None]
 
 
 @contextmanager
@@ -29,62 +31,70 @@ def narrow(figure: Figure) -> Iterator[None]:
         undo.append(partial(setter, old))
         setter(new)
 
+    # the scale of colours follows the panels that it is for
+    panels = {
+        ax: place
+        for ax in figure.axes
+        if (place := ax.get_subplotspec()) and not hasattr(ax, "_colorbar")
+    }
+    curves = all(ax.get_aspect() == "auto" for ax in panels)
+    columns = 2 ** sum(len(panels) > most for most in MANY[curves])
     try:
-        _place(figure, change)
-        _label(figure, change)
+        _label(panels, LETTERS[columns], change)
+        lines = _write(figure, change)
+        _place(figure, panels, columns, lines, change)
         yield
     finally:
         for step in reversed(undo):
             step()
 
 
-def _panels(figure: Figure) -> list[Axes]:
-    """The axes of a figure that stand on its grid, without the scales of colours."""
-    return [ax for ax in figure.axes if ax.get_subplotspec() and not hasattr(ax, "_colorbar")]
+def _label(panels: Panels, letters: int, change: Change) -> None:
+    """Say at each panel what it leaves to a neighbour: its title, and labels of curves' axes."""
+    for ax, place in panels.items():
+        row = [one for one, its in panels.items() if its.rowspan == place.rowspan]
+        column = [one for one, its in panels.items() if its.colspan == place.colspan]
+        shared = [
+            (ax.xaxis, "labelbottom", ax.get_shared_x_axes(), column),
+            (ax.yaxis, "labelleft", ax.get_shared_y_axes(), row),
+        ]
+        for axis, side, group, near in shared if ax.get_aspect() == "auto" else ():
+            near = [one for one in near if one is not ax and group.joined(one, ax)]
+            if near:
+                show = partial(
+                    lambda axis, side, on: axis.set_tick_params(**{side: on}), axis, side
+                )
+                change(show, axis.get_tick_params().get(side, True), True)
+                told = [one._axis_map[axis.axis_name].get_label_text() for one in [ax, *near]]
+                change(axis.set_label_text, told[0], next(filter(None, told), ""))
+        titles = [one.get_title("left") for one in [ax, *column]]
+        title = textwrap.fill(next(filter(None, titles), ""), letters)
+        change(ax.set_title, titles[0], title)
 
 
-def _place(figure: Figure, change: Callable[..., None]) -> None:
-    """Put the panels below each other, in two columns where there are many."""
-    panels = _panels(figure)
-    grid = panels[0].get_subplotspec().get_gridspec()
-    columns = 1 if len(panels) <= MANY else 2
-    rows = -(-len(panels) // columns)
-    wide, high = figure.get_size_inches()
-    height = WIDTH / columns * (high / grid.nrows) / (wide / grid.ncols)
-    if panels[0].get_aspect() == "auto":
-        height = min(height, TALLEST)
-    change(figure.set_size_inches, (wide, high), (WIDTH, rows * height + 0.9))
-    places = GridSpec(rows, columns, figure=figure)
-    for ax, place in zip(panels, places, strict=False):
-        change(ax.set_subplotspec, ax.get_subplotspec(), place)
-
-
-def _label(figure: Figure, change: Callable[..., None]) -> None:
-    """Say at each panel what it shared with its neighbours; larger type, shorter lines."""
-    panels = _panels(figure)
-    for ax in panels:
-        for axis, side, group in (
-            (ax.xaxis, "labelbottom", ax.get_shared_x_axes()),
-            (ax.yaxis, "labelleft", ax.get_shared_y_axes()),
-        ):
-            change(
-                lambda shown, axis=axis, side=side: axis.set_tick_params(**{side: shown}),
-                axis.get_tick_params().get(side, True),
-                True,
-            )
-            told = [getattr(one, f"get_{axis.axis_name}label")() for one in group.get_siblings(ax)]
-            change(axis.set_label_text, axis.get_label_text(), next(filter(None, told), ""))
-        change(ax.set_title, ax.get_title("left"), textwrap.fill(ax.get_title("left"), LETTERS))
-    legends = [
-        figure.legend(
-            one.legend_handles,
-            [text.get_text() for text in one.get_texts()],
-            loc="outside lower center",
-            ncols=2,
-        )
-        for one in figure.legends
-    ]
-    old = figure.legends[: len(legends)]
-    change(partial(setattr, figure, "legends"), old, legends)
+def _write(figure: Figure, change: Change) -> int:
+    """Legends of two columns, and larger type; how many lines the legends have."""
+    old, lines = list(figure.legends), 0
+    for one in old:
+        words = [text.get_text() for text in one.get_texts()]
+        lines_and_dots = filter(None, one.legend_handles)
+        figure.legend(lines_and_dots, words, loc="outside lower center", ncols=2)
+        lines += -(-len(words) // 2)
+    new = figure.legends[len(old) :]
+    change(partial(setattr, figure, "legends"), old, new)
     for text in figure.findobj(Text):
         change(text.set_fontsize, text.get_fontsize(), max(text.get_fontsize(), SMALLEST))
+    return lines
+
+
+def _place(figure: Figure, panels: Panels, columns: int, lines: int, change: Change) -> None:
+    """Put the panels below each other, as wide as they find room."""
+    rows, grid = -(-len(panels) // columns), next(iter(panels.values())).get_gridspec()
+    wide, high = figure.get_size_inches()
+    height = WIDTH / columns * (high / grid.nrows) / (wide / grid.ncols)
+    if all(ax.get_aspect() == "auto" for ax in panels):
+        height = min(max(height, LOWEST), TALLEST)
+    change(figure.set_size_inches, (wide, high), (WIDTH, rows * height + 0.3 + 0.2 * lines))
+    below = GridSpec(rows, columns, figure=figure)
+    for index, (ax, place) in enumerate(panels.items()):
+        change(ax.set_subplotspec, place, below[index])

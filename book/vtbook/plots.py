@@ -80,7 +80,7 @@ class BookFigure(Figure):
 
     def _repr_png_(self) -> tuple[bytes, dict[str, str]]:
         wide = self._png()
-        with narrow(self):
+        with look(), narrow(self):
             return wide, {"narrow": b64encode(self._png()).decode()}
 
     def _png(self) -> bytes:

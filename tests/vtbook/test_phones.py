@@ -1,0 +1,56 @@
+"""Figures laid out for a telephone, and as they were after it."""
+
+import itertools
+
+import numpy as np
+from matplotlib.text import Text
+
+from vtbook.phones import SMALLEST, WIDTH, narrow
+from vtbook.plots import BookFigure, look
+
+
+def drawn(rows, columns):
+    """A figure with a title above each column and a label beside each row."""
+    figure = BookFigure(figsize=(7.6, 3.5))
+    axes = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
+    for column, ax in enumerate(axes[0]):
+        ax.set_title(f"column {column}")
+        ax.plot([0, column], label="a line", lw=1)
+    for row, ax in enumerate(axes[:, 0]):
+        ax.set_ylabel(f"row {row}", fontsize=6)
+    axes[-1, 0].set_xlabel("time")
+    figure.legend(loc="outside lower center", ncols=4)
+    return figure, axes
+
+
+def test_panels_stand_below_each_other_and_say_what_they_shared():
+    with look():
+        figure, axes = drawn(2, 3)
+        with narrow(figure):
+            figure.draw_without_rendering()
+            assert figure.get_size_inches()[0] == WIDTH
+            boxes = [ax.get_position() for ax in axes.flat]
+            assert all(a.y0 > b.y1 for a, b in itertools.pairwise(boxes))
+            assert axes[1, 2].get_title("left") == "column 2"
+            assert axes[1, 2].get_ylabel() == "row 1"
+            assert axes[1, 0].get_xlabel() == "time"
+            assert axes[0, 1].yaxis.get_tick_params()["labelleft"]
+            texts = [one for one in figure.findobj(Text) if one.get_text()]
+            assert min(one.get_fontsize() for one in texts) >= SMALLEST
+
+
+def test_many_panels_stand_in_columns_and_the_figure_is_what_it_was():
+    with look():
+        for maps, shape, columns in ((False, (2, 4), 2), (True, (3, 4), 4)):
+            figure, axes = drawn(*shape)
+            for ax in axes.flat:
+                ax.set_aspect("equal" if maps else "auto")
+            before, _ = figure._repr_png_()
+            again, told = figure._repr_png_()
+            assert before == again
+            assert told["narrow"]
+            with narrow(figure):
+                figure.draw_without_rendering()
+                left = {round(ax.get_position().x0, 2) for ax in axes.flat}
+                assert len(left) == columns
+            assert np.allclose(figure.get_size_inches(), (7.6, 3.5))
