@@ -8,7 +8,6 @@ import pytest
 
 @pytest.fixture(scope="module")
 def background(cells_of):
-    """The names of the page."""
     return SimpleNamespace(**cells_of("background"))
 
 

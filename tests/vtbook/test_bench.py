@@ -8,17 +8,17 @@ from vtbook import bench
 from vtlib.experiments import named
 
 
-def test_the_table_has_every_published_algorithm(monkeypatch, capsys):
+def test_without_stored_runs_the_table_has_every_algorithm(monkeypatch, capsys, tmp_path):
     def once(work, _):
         work(1)
         return 2.0
 
     monkeypatch.setattr(bench, "_milliseconds", once)
     monkeypatch.setattr(bench, "RUNS", 2)
+    monkeypatch.setenv("VTLIB_RESULTS", str(tmp_path))
     monkeypatch.setattr(bench, "sgemm_rate", lambda: 50e9)
     assert bench.main() == 0
-    first, *rows = capsys.readouterr().out.splitlines()
-    assert "50 GFLOP/s" in first
+    _, *rows = capsys.readouterr().out.splitlines()
     cells = [row.split() for row in rows if "(d =" not in row]
     assert [row[0] for row in cells] == [label for old in bench.PUBLISHED.values() for label in old]
     # 2 d^2 10.5 operations for L and 4 d 100 10 for Q at 50 GFLOP/s take 0.137 ms, d = 484
@@ -28,12 +28,3 @@ def test_the_table_has_every_published_algorithm(monkeypatch, capsys):
     # without a posterior it is four passes through the network
     (car,) = named("mountain-car")
     assert bench.bound(car, "DDQN", 1e9) == pytest.approx(4 * 2 * 387 * 32 / 1e6)
-
-
-def test_without_stored_runs_the_sources_are_random_ones_of_the_same_shape(monkeypatch, tmp_path):
-    pool = named("mountain-car")[0].pool
-    stored = bench.sources(pool)
-    monkeypatch.setenv("VTLIB_RESULTS", str(tmp_path))
-    made = bench.sources(pool)
-    assert (made.shape, made.dtype) == (stored.shape, stored.dtype)
-    assert made.std() > 0

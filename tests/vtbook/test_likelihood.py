@@ -6,7 +6,6 @@ from xarray import Dataset
 
 from vtbook import likelihood
 from vtbook.experiments import rooms
-from vtlib.experiments.run import targets
 from vtlib.stats import mean_interval
 
 PUBLISHED = rooms.ROOMS_LIKELIHOOD.published
@@ -45,9 +44,3 @@ def test_bins_hold_shares_of_each_runs_optimum_and_the_published_ones_of_theirs(
         np.testing.assert_allclose(rows["normalised_likelihood"], likelihood.EDGES)
         expected = np.stack([rows[x] for x in ("mean", "low", "high")], 1)
         np.testing.assert_allclose(bins, expected / OPTIMUM.reshape(5, 2).mean(1, keepdims=True))
-
-
-def test_every_bin_has_runs_of_the_published_doors():
-    doors = targets(PUBLISHED, range(PUBLISHED.runs)).doors[:, 0]
-    assert set(doors.tolist()) == {x / 2 for x in range(1, 20)}
-    assert np.bincount(likelihood.bin_of(PUBLISHED)).min() >= 40

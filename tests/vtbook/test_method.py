@@ -15,7 +15,6 @@ STARTS = torch.tensor([(0.3, -0.2), (-1.0, 0.7), (0.9, 1.4)], dtype=torch.float6
 
 @pytest.fixture(scope="module")
 def method(cells_of):
-    """The names of the page."""
     return SimpleNamespace(**cells_of("method"))
 
 
@@ -48,15 +47,6 @@ def test_posterior_of_two_weights_by_quadrature(method):
     assert_close(weights @ means, density @ w)
     second = covariance + means.T @ (weights.unsqueeze(1) * means)
     assert_close(second, w.T @ (density.unsqueeze(1) * w))
-
-
-def test_the_drawn_posteriors_close_in_on_the_target(method):
-    none, some, many = (method.posteriors(count) for count in (0, 16, 256))
-    for name, prior in method.known.items():
-        assert_close(none[name][1], prior.mu)
-        errors = [method.mean_error(*found[name]) for found in (none, some, many)]
-        assert errors[2] < errors[1] < 0.5 * errors[0]
-    assert method.muds[some["MGVT"][0].argmax()] == 5.5  # the source nearest to the target
 
 
 @pytest.mark.parametrize("psi", [0.0, 0.3])

@@ -39,7 +39,6 @@ def poles(tiny):
 
 @pytest.fixture(scope="module")
 def rooms(poles):
-    """The same in two rooms."""
     algorithms = poles.algorithms | {"GVT": evolve(poles.algorithms["GVT"], kappa=50.0)}
     pool = Pool("rooms", FAMILY, count=3)
     return evolve(poles, pool=pool, family=FAMILY, algorithms=algorithms, probe=CoverageProbe)
@@ -47,7 +46,6 @@ def rooms(poles):
 
 @pytest.fixture
 def probe(rooms):
-    """What looks at two runs in the rooms."""
     return CoverageProbe(rooms, "GVT", [0, 2], targets(rooms, [0, 2]))
 
 

@@ -5,25 +5,14 @@ import torch
 
 from vtbook.neighbours import LangevinSettings
 from vtlib.priors import GaussianPrior, MixturePrior
-from vtlib.qfunctions import MLP
-from vtlib.replay import Transition
 from vtlib.rng import Rng
-
-LINE = MLP((1, 1))  # Q = w x + b, and at x = 1 the weights' sum
-
-
-def agent_of(sources, **settings):
-    """An agent of some runs, and the transition that always comes: from 1 with a reward of 2."""
-    one, runs = torch.ones(len(sources), 1), range(len(sources))
-    step = Transition(one, one[:, 0].long() - 1, 2 * one[:, 0], one, one[:, 0].bool())
-    return LangevinSettings(**settings).agent(LINE, sources, 1, Rng("t", runs)), step
 
 
 @pytest.mark.parametrize("kind", ["gaussian", "mixture"])
-def test_a_step_is_its_formula(kind):
-    sources = torch.randn(2, 3, LINE.d, generator=torch.Generator().manual_seed(0))
+def test_a_step_is_its_formula(kind, on_a_line):
+    sources = torch.randn(2, 3, 2, generator=torch.Generator().manual_seed(0))
     how = {"lambda_": 0.1, "alpha": 0.02, "bias": 0.3, "jitter": 0.5, "sigma_p2": 0.2}
-    agent, step = agent_of(sources, prior=kind, minibatch=2, **how)
+    agent, step = on_a_line(LangevinSettings(prior=kind, minibatch=2, **how), sources)
     noise = Rng("t", range(2)).stream("posterior")
     prior = GaussianPrior(sources, 0.5) if kind == "gaussian" else MixturePrior(sources, 0.2)
     w, m, v = sources.mean(1, keepdim=True), torch.zeros(1), torch.zeros(1)
@@ -31,16 +20,16 @@ def test_a_step_is_its_formula(kind):
         agent.learn(step)
         g = 2 * (w.sum(-1, keepdim=True) - 2.0) + 0.1 / t * prior.pull(w)
         m, v = 0.9 * m + 0.1 * g, 0.999 * v + 0.001 * g**2
-        xi = noise.normal(LINE.d).unsqueeze(1)
+        xi = noise.normal(2).unsqueeze(1)
         w = w - 0.02 * (g + 0.3 * m / (v + 1e-8) ** 0.5) + (2 * 0.02 * 0.1 / t) ** 0.5 * xi
         torch.testing.assert_close(agent.mu, w, rtol=1e-4, atol=1e-5)
 
 
-def test_the_law_of_the_weights_on_a_quadratic_error_is_the_exact_recursion():
+def test_the_law_of_the_weights_on_a_quadratic_error_is_the_exact_recursion(on_a_line):
     runs, lambda_, alpha, jitter = 4000, 2.0, 0.05, 0.5
-    same = torch.zeros(runs, 1, LINE.d)  # no spread: a prior N(0, jitter I)
-    how = {"lambda_": lambda_, "alpha": alpha, "bias": 0.0, "jitter": jitter}
-    agent, step = agent_of(same, prior="gaussian", minibatch=1, **how)
+    how = {"lambda_": lambda_, "alpha": alpha, "bias": 0.0, "jitter": jitter, "minibatch": 1}
+    # without a spread the prior is N(0, jitter I)
+    agent, step = on_a_line(LangevinSettings(prior="gaussian", **how), torch.zeros(runs, 1, 2))
     # along (1, 1) / sqrt 2 the error has curvature 4 and is least at the reward by sqrt 2
     mean, along, across = 0.0, 0.0, 0.0
     for t in range(1, 41):
