@@ -55,17 +55,18 @@ def _label(panels: Panels, letters: int, change: Change) -> None:
         row = [one for one, its in panels.items() if its.rowspan == place.rowspan]
         column = [one for one, its in panels.items() if its.colspan == place.colspan]
         shared = [
-            (ax.xaxis, "labelbottom", ax.get_shared_x_axes(), column),
-            (ax.yaxis, "labelleft", ax.get_shared_y_axes(), row),
+            ("x", "labelbottom", ax.get_shared_x_axes(), column),
+            ("y", "labelleft", ax.get_shared_y_axes(), row),
         ]
-        for axis, side, group, near in shared if ax.get_aspect() == "auto" else ():
+        for letter, side, group, near in shared if ax.get_aspect() == "auto" else ():
+            axis = getattr(ax, f"{letter}axis")
             near = [one for one in near if one is not ax and group.joined(one, ax)]
             if near:
                 show = partial(
                     lambda axis, side, on: axis.set_tick_params(**{side: on}), axis, side
                 )
                 change(show, axis.get_tick_params().get(side, True), True)
-                told = [one._axis_map[axis.axis_name].get_label_text() for one in [ax, *near]]
+                told = [getattr(one, f"get_{letter}label")() for one in [ax, *near]]
                 change(axis.set_label_text, told[0], next(filter(None, told), ""))
         titles = [one.get_title("left") for one in [ax, *column]]
         title = textwrap.fill(next(filter(None, titles), ""), letters)
