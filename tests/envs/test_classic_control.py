@@ -4,10 +4,8 @@ import gymnasium
 import numpy as np
 import pytest
 import torch
-from attrs import evolve
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from torch import Tensor
 
 from vtlib.envs import CartpoleFamily, MountainCar, MountainCarFamily
 
@@ -21,7 +19,7 @@ seeds = given(st.integers(0, 2**32 - 1))
 few = settings(max_examples=12, deadline=None)
 
 
-def poles(rng: np.random.Generator) -> Tensor:
+def poles(rng):
     """States (40, 4) of an episode, half of them near a limit of position or angle."""
     high = np.array([2.4, 3.0, ANGLE_LIMIT, 3.0])
     state = rng.uniform(-high, high, (COUNT, 4))
@@ -31,7 +29,7 @@ def poles(rng: np.random.Generator) -> Tensor:
     return torch.tensor(state, dtype=torch.float32)
 
 
-def cars(rng: np.random.Generator) -> Tensor:
+def cars(rng):
     """States (40, 2) of an episode: anywhere, near the wall, near the goal, near top speed."""
     state = rng.uniform([-1.2, -0.07], [0.5, 0.07], (COUNT, 2))
     near = rng.exponential(0.03, COUNT)
@@ -107,11 +105,7 @@ def test_a_transition_of_a_car_is_gymnasiums(seed):
     assert torch.equal(reward.signbit(), reward < 0)
 
 
-def test_the_last_reward_is_a_cost_of_one_step_told_to_the_kernel_and_alike_where_tasks_join():
-    for config in (MountainCarFamily(), MountainCar.of(3, speed=0.001)):
-        for last in (0.5, -1.5, float("nan"), None, True):
-            with pytest.raises(ValueError, match=r"last_reward must lie in \[-1, 0\], got"):
-                evolve(config, last_reward=last)
+def test_the_last_reward_is_told_to_the_kernel_and_alike_where_tasks_join():
     family = MountainCarFamily(last_reward=-1.0)
     tasks = family.draw_tasks("t", [0, 1])
     expected = [[float(speed), -1.0] for speed in tasks.speed]

@@ -5,7 +5,6 @@ import math
 import numpy as np
 import pytest
 import torch
-from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
@@ -21,7 +20,7 @@ from vtlib.envs.rooms.draw import draw_rooms
 MAZES = Mazes.of(["north-east 0", "south-west 14"])
 
 
-def drawn(draw, *arguments) -> Axes:
+def drawn(draw, *arguments):
     """Axes of 400 x 400 pixels, drawn once."""
     figure = Figure(figsize=(4, 4), dpi=100)
     FigureCanvasAgg(figure)

@@ -33,7 +33,6 @@ def two_at_a_time():
 
 @pytest.fixture(scope="session")
 def computed(tiny, here, tmp_path_factory):
-    """All results of the tiny experiment."""
     root = tmp_path_factory.mktemp("computed")
     schedule.complete([tiny], root, scheduler=here, quiet=True)
     return root
@@ -41,7 +40,6 @@ def computed(tiny, here, tmp_path_factory):
 
 @pytest.fixture
 def stored(computed, tmp_path):
-    """A copy of them, which may be changed."""
     return shutil.copytree(computed, tmp_path / "stored")
 
 

@@ -6,7 +6,7 @@ from attrs import evolve
 
 from vtlib.experiments import reproduce as module
 from vtlib.experiments import store
-from vtlib.experiments.reproduce import Comparison, compare, differing, first_runs, report
+from vtlib.experiments.reproduce import compare, differing, first_runs, report
 
 RETURNS = np.random.default_rng(0).normal(0.5, 0.1, 20)
 OTHER = np.random.default_rng(1).permutation(RETURNS)
@@ -50,6 +50,8 @@ def recorded(returns, greedy=RETURNS):
         (recorded(OTHER), "equal in distribution"),
         (recorded(RETURNS - 0.2), "DIFFERENT"),
         (recorded(OTHER, RETURNS - 0.2), "DIFFERENT"),
+        (recorded(RETURNS[:1] - 0.2), "too few runs to tell"),
+        (recorded(RETURNS[:3] - 0.2), "0 of 3 alike, the others up to iteration 1,999 or more"),
     ],
 )
 def test_runs_are_compared_by_their_bits_their_values_and_their_distribution(
@@ -67,6 +69,7 @@ def test_a_difference_is_told_among_all_results_of_the_book(compared):
     assert module.DRAWS >= 100_000
     found = compared(recorded(RETURNS - 0.4, RETURNS - 0.4), draws=100_000)
     assert differing([found, *[evolve(found, p=0.9)] * 400]) == [found]
+    assert report([found] * 2)[0] == "tiny: 24 s of one core, 300 MB at most in a process"
 
 
 def test_the_same_processor_excuses_nothing(compared):
@@ -75,30 +78,7 @@ def test_the_same_processor_excuses_nothing(compared):
     assert differing([found, *[evolve(found, different=False)] * 99]) == [found]
 
 
-@pytest.mark.parametrize("runs", [1, 3])
-def test_few_runs_cannot_tell_and_it_is_said(compared, runs):
-    found = compared(recorded(RETURNS[:runs] - 0.2))
-    old, kept = RETURNS[:runs].mean(), f"{RETURNS[:runs].mean():.4f}"
-    assert report([found])[1] == (
-        f"  DDQN: 0 of {runs} alike, the others up to iteration 1,999 or more, and then learning "
-        f"{kept} stored, {old - 0.2:.4f} anew; greedy {kept} stored, {kept} anew: "
-        "too few runs to tell"
-    )
-    assert differing([found]) == []
-
-
 def test_first_runs_are_whole_tasks_and_no_more_than_there_are(tiny):
     many = evolve(tiny, runs=20)
     assert [first_runs(many, runs).runs for runs in (3, 99)] == [3, 20]
     assert first_runs(evolve(many, runs_per_task=5), 6).runs == 10
-
-
-def test_the_report_adds_up_an_experiment():
-    each = [
-        Comparison("tiny", "NT", 10.0, 200, "identical"),
-        Comparison("tiny", "GVT", 20.0, 300, "nothing stored to compare with"),
-    ]
-    first, *others, last = report(each)
-    assert first == "tiny: 30 s of one core, 300 MB at most in a process"
-    assert others == ["  NT: identical", "  GVT: nothing stored to compare with"]
-    assert last.startswith("2 results compared, none differs")

@@ -8,9 +8,6 @@ from attrs import evolve
 from vtlib.experiments import run
 from vtlib.experiments.run import chosen_sources, head, prepare, run_batch, targets
 
-# float32 sums round differently in batches of another size.
-ROUNDING = {"rtol": 1e-4, "atol": 1e-5}
-
 
 @pytest.fixture
 def shared(tiny):
@@ -48,13 +45,8 @@ def test_an_algorithm_gets_the_first_of_each_runs_sources(shared, weights):
         # it starts at the mean of its sources
         expected = [weights[row[:count]].mean(0) for row in chosen]
         np.testing.assert_allclose(agent.mu[:, 0].detach(), expected, rtol=1e-5, atol=1e-7)
-
-
-@pytest.mark.parametrize("wrong", [np.zeros((3, 5), "f4"), np.full((50, 226), np.nan, "f4"), None])
-def test_weights_that_are_not_the_pools_are_refused(shared, wrong):
     with pytest.raises(ValueError, match="weights of tiny-pool must"):
-        prepare(shared, "all", [0], wrong)
-    prepare(shared, "NT", [0], wrong)  # needs none
+        prepare(shared, "all", [0], weights[1:])
 
 
 @pytest.mark.parametrize("label", ["NT", "DDQN", "GVT", "2-MGVT"])
@@ -66,9 +58,9 @@ def test_a_batch_records_its_runs_whatever_runs_beside_them(tiny, weights, label
     assert arrays["learning"].shape == arrays["greedy"].shape == (2, len(times))
     prints = arrays["fingerprints"]
     np.testing.assert_array_equal(head(tiny, label, [0, 2], weights[:3]), prints)
-    # rounding may lead runs elsewhere later on
+    # rounding, which differs in batches of another size, may lead runs elsewhere later on
     alone = head(tiny, label, [2], weights[:3])
-    np.testing.assert_allclose(alone[0, :2], prints[1, :2], **ROUNDING)
+    np.testing.assert_allclose(alone[0, :2], prints[1, :2], rtol=1e-4, atol=1e-5)
 
 
 def test_the_greedy_return_of_a_mixture_is_of_its_mean_or_of_each_component(tiny):
@@ -91,8 +83,6 @@ def test_visits_are_kept_where_they_are_asked_for_and_disturb_nothing(tiny, weig
     assert kept["visited"].shape == (3, tiny.iterations, 4)
     for key, values in plain.items():
         np.testing.assert_array_equal(kept[key], values)
-    one = run_batch(evolve(tiny, visits=True), "DDQN", [2], weights)["visited"][0]
-    np.testing.assert_allclose(one, kept["visited"][2], **ROUNDING)
 
 
 def test_the_table_plans_each_task_once_and_repeats_its_optimum(shared, monkeypatch):

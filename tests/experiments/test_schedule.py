@@ -19,16 +19,6 @@ from vtlib.experiments.schedule import compute, done, join_finished, keep, units
 from vtlib.training import Diverged
 
 
-@pytest.fixture
-def complete(here):
-    """Compute what is missing with the worker in this process."""
-
-    def call(*experiments, root, **options):
-        schedule.complete(experiments, root, scheduler=here, **{"quiet": True, **options})
-
-    return call
-
-
 def test_units_are_batches_of_runs_and_halves_of_small_pools(tiny):
     assert [u.members for u in units_of(tiny.pool)] == [range(2), range(2, 3)]
     assert units_of(evolve(tiny.pool, count=60))[0].members == range(25)
@@ -52,7 +42,7 @@ def test_complete_stores_every_result_with_its_provenance(tiny, stored):
 
 
 def test_only_what_is_missing_is_computed_and_joined_and_the_rest_is_left_alone(
-    tiny, stored, complete, monkeypatch
+    tiny, stored, here, monkeypatch
 ):
     def rest():
         return {p: p.stat().st_mtime_ns for p in stored.rglob("*.*") if p.stem != "NT"}
@@ -71,18 +61,19 @@ def test_only_what_is_missing_is_computed_and_joined_and_the_rest_is_left_alone(
     monkeypatch.setattr(
         schedule, "compute", lambda *given: (ran.append(given[0]), compute(*given))[1]
     )
-    complete(tiny, root=stored)
+    complete = partial(schedule.complete, [tiny], stored, scheduler=here, quiet=True)
+    complete()
     assert ran == [other]
     assert rest() == before
     assert store.same_arrays(store.read(stored / first.result)[0], expected)
     assert not (stored / "parts").exists()
     # one that was left beside its whole result is no use
     keep(first, expected, {"seconds": 1.0}, stored)
-    complete(tiny, root=stored)
+    complete()
     assert not (stored / "parts").exists()
 
 
-def test_an_error_of_one_unit_keeps_what_the_others_have_done(tiny, stored, complete, monkeypatch):
+def test_an_error_of_one_unit_keeps_what_the_others_have_done(tiny, stored, here, monkeypatch):
     for label in ("NT", "GVT"):
         store.remove(stored / "tiny" / label)
     real = schedule.compute
@@ -94,15 +85,15 @@ def test_an_error_of_one_unit_keeps_what_the_others_have_done(tiny, stored, comp
 
     monkeypatch.setattr(schedule, "compute", diverging)
     with pytest.raises(Diverged, match="run 2 of tiny"):
-        complete(tiny, root=stored)
+        schedule.complete([tiny], stored, scheduler=here, quiet=True)
     assert store.exists(stored / "tiny" / "NT")
     assert list((stored / "parts" / "tiny").glob("GVT-*.json"))
 
 
-def test_two_experiments_share_their_pool_and_one_bar(tiny, complete, tmp_path, capsys):
+def test_two_experiments_share_their_pool_and_one_bar(tiny, here, tmp_path, capsys):
     pool = evolve(tiny.pool, iterations=20, limit=20)
     one = evolve(tiny, pool=pool, algorithms={"NT": tiny.algorithms["NT"]}, iterations=20)
-    complete(one, evolve(one, name="other"), root=tmp_path, quiet=False)
+    schedule.complete([one, evolve(one, name="other")], tmp_path, scheduler=here)
     assert {p.parent.name for p in tmp_path.rglob("*.npz")} == {"tiny-pool", "tiny", "other"}
     bar = capsys.readouterr().err
     assert "2 experiments 100%" in bar
@@ -128,13 +119,13 @@ def test_the_time_of_a_unit_is_expected_as_it_was_for_the_stored_runs(tiny):
 
 
 def test_a_part_of_another_configuration_stops_it_before_anything_is_computed(
-    tiny, complete, tmp_path, monkeypatch
+    tiny, tmp_path, monkeypatch
 ):
     note = {"config": {"limit": 7}, "seconds": 1.0}
     store.save(tmp_path / units_of(tiny.pool)[0].part, {"x": np.zeros(1)}, note)
     monkeypatch.setattr(schedule, "_cluster", None)
     with pytest.raises(store.TornResult, match="another configuration"):
-        complete(tiny, root=tmp_path)
+        schedule.complete([tiny], tmp_path, quiet=True)
 
 
 def test_a_scheduler_that_is_not_there_is_named(tiny, tmp_path, monkeypatch):

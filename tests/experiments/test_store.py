@@ -1,4 +1,4 @@
-"""Stored results: written once and whole; what was not written, or otherwise, is never read."""
+"""Stored results: written once and whole; read as what they were written as, or not at all."""
 
 import hashlib
 import io
@@ -10,10 +10,12 @@ from unittest.mock import Mock
 
 import numpy as np
 import pytest
+from attrs import evolve
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from vtlib.experiments import store
+from vtlib.transfer import Settings
 
 PROPERTY = settings(deadline=None, derandomize=True, max_examples=60)
 ARRAYS = {
@@ -145,3 +147,104 @@ def test_an_error_while_saving_leaves_no_result_and_no_litter(tmp_path, monkeypa
     assert not [name for name in files(tmp_path) if name.startswith(".")]
     store.save(tmp_path / "x", ARRAYS, NOTE)
     assert store.same_arrays(store.read(tmp_path / "x")[0], ARRAYS)
+
+
+def saved(owner, label, root, arrays):
+    note = {"config": store.config_of(owner, label), "seconds": 1.0}
+    store.save(store.path_of(owner, label, root), arrays, note)
+
+
+def check(owner, config, seconds=1.0):
+    store.check_note(Path("x"), {"config": config, "seconds": seconds}, owner, "GVT")
+
+
+@pytest.mark.parametrize(
+    ("changes", "named"),
+    [
+        ({"iterations": 240}, "iterations"),
+        ({"stream": "other"}, "stream"),
+        ({"sources": 1}, "sources"),
+        ({"counts": {"GVT": 1}}, "sources"),
+        ({"runs_per_task": 3}, "runs_per_task"),
+        ({"visits": True}, "visits"),
+        ({"each": True}, "each"),
+        ({"excluded": (2,)}, "excluded"),
+        ({"algorithms": {"GVT": Settings("gaussian", minibatch=5)}}, "algorithm.n_samples"),
+    ],
+)
+def test_a_result_of_another_configuration_is_refused(tiny, tmp_path, changes, named):
+    other = evolve(tiny, **changes)
+    saved(other, "GVT", tmp_path, {"run": np.arange(3)})
+    store.stored(other, "GVT", tmp_path)
+    with pytest.raises(store.TornResult, match=f"another configuration, which differs in {named}:"):
+        store.stored(tiny, "GVT", tmp_path)
+    # of the tasks only where they depend on it
+    same = store.config_of(other, "tasks") == store.config_of(tiny, "tasks")
+    assert same == changes.keys().isdisjoint(store.OF_TASKS)
+
+
+def test_a_key_that_is_missing_has_its_default_and_is_refused_where_that_is_not_the_value(tiny):
+    def without(key, at=None):
+        config = store.config_of(tiny, "GVT")
+        del (config[at] if at else config)[key]
+        return config
+
+    check(tiny, without("patience", "algorithm"))
+    for key in ("visits", "excluded", "stream"):
+        check(tiny, without(key))
+    with pytest.raises(store.TornResult, match=r"differs in algorithm\.minibatch:"):
+        check(tiny, without("minibatch", "algorithm"))
+    for key in ("every", "sources", "pool", "family", "algorithm"):
+        with pytest.raises(store.TornResult, match=f"differs in {key}:"):
+            check(tiny, without(key))
+
+
+@PROPERTY
+@given(
+    st.recursive(
+        st.none() | st.booleans() | st.integers() | st.text(max_size=5),
+        lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=5), inner),
+        max_leaves=5,
+    ).filter(lambda value: value != 3)
+)
+def test_whatever_stands_for_a_configuration_is_one_line(tiny, value):
+    known = store.config_of(tiny, "GVT")
+    for config in (value, {"algorithm": value}, {**known, "runs": value}):
+        with pytest.raises(store.TornResult) as caught:
+            check(tiny, config)
+        assert len(str(caught.value).splitlines()) == 1
+
+
+def test_a_key_that_nobody_knows_and_seconds_that_are_none_are_refused(tiny):
+    config = store.config_of(tiny, "GVT")
+    with pytest.raises(store.TornResult, match="does not tell its seconds"):
+        check(tiny, config, seconds="1")
+    with pytest.raises(store.TornResult, match=r"differs in .*'a\\+nb'"):
+        check(tiny, {**config, "a\nb": 1})
+    config["algorithm"]["alpha_2"] = 0.25
+    with pytest.raises(store.TornResult, match=r"algorithm\.'alpha_2'"):
+        check(tiny, config)
+
+
+def test_what_is_loaded_has_the_names_of_its_axes(tiny, computed, tmp_path):
+    found, arrays = store.returns(tiny, "GVT", computed), store.read(computed / "tiny/GVT")[0]
+    assert found.learning.dims == ("run", "iteration")
+    assert found.fingerprints.dims == ("run", "fingerprints_1", "fingerprints_2")
+    assert found.learning.sel(run=2, iteration=40) == arrays["learning"][2, 1]
+    assert found.optimum.sel(run=1) == store.read(computed / "tiny/tasks")[0]["optimum"][1]
+    assert found.attrs["config"]["every"] == 20
+    saved(tiny, "GVT", tmp_path, {"iterations": np.arange(2), "inside": np.zeros((3, 2, 5))})
+    assert store.load(tiny, "GVT", tmp_path).inside.dims == ("run", "iteration", "inside_2")
+    found, arrays = store.load(tiny.pool, "sources", computed), store.weights(tiny.pool, computed)
+    assert found.weights.dims == ("source", "weights_1")
+    np.testing.assert_array_equal(found.weights.sel(source=2), arrays[2])
+    saved(tiny.pool, "sources", tmp_path, {"index": np.arange(3)})
+    with pytest.raises(ValueError, match="weights of tiny-pool must"):
+        store.weights(tiny.pool, tmp_path)
+
+
+@pytest.mark.parametrize("wrong", [np.zeros(0), np.float64(0), np.zeros((4, 2))])
+def test_runs_of_another_number_are_torn(tiny, tmp_path, wrong):
+    saved(tiny, "GVT", tmp_path, {"run": np.arange(3), "learning": wrong})
+    with pytest.raises(store.TornResult, match="GVT does not hold 3 learning"):
+        store.load(tiny, "GVT", tmp_path)

@@ -1,4 +1,4 @@
-"""Whole runs computed anew: every number that could be forged, and faults that show late."""
+"""Whole runs computed anew: every number that could be forged, faults that show late, and notes."""
 
 import numpy as np
 import pytest
@@ -6,8 +6,9 @@ from attrs import evolve
 
 from vtbook.experiments.rooms import ROOMS_EVALUATION
 from vtlib import baselines, native
-from vtlib.experiments import run, sources, store, whole
+from vtlib.experiments import sources, store, whole
 from vtlib.experiments.heads import check_heads
+from vtlib.experiments.ledger import FIELDS, NAME, record, recorded
 from vtlib.experiments.whole import Whole, check_runs, verify
 
 EVERY, ROOMS = [0, 1, 2], ROOMS_EVALUATION.published
@@ -43,12 +44,7 @@ def checked(tiny, stored, rewrite, anew, monkeypatch):
     return check
 
 
-def test_every_result_is_what_is_stored(tiny, stored, anew, monkeypatch):
-    monkeypatch.setattr(whole, "_computed", lambda _, label, *__: anew[label])
-    found = {f"{o.name}/{label}": x for o, label, x in verify(tiny, tiny, root=stored)}
-    own = [f"tiny/{label}" for label in ("tasks", *tiny.algorithms)]
-    assert list(found) == ["tiny-pool/sources", *own]
-    assert all(x == Whole(EVERY, {}, {}) for x in found.values())
+def test_one_member_of_each_result_is_drawn(tiny, monkeypatch):
     monkeypatch.setattr(whole, "check_runs", lambda *given: given[2])
     drawn = [members for *_, members in verify(tiny, rng=np.random.default_rng(3))]
     assert {len(one) for one in drawn} == {1}
@@ -68,18 +64,6 @@ def test_a_forged_number_is_named(stored, checked, name, key):
     assert wrong[1].startswith(key)
     assert " is " in wrong[1]
     assert list(of_heads) == ([1] if label == "tasks" or key == "fingerprints" else [])
-
-
-@pytest.mark.parametrize(("key", "shape"), [("visited", (220, 4)), ("inside", (11, 5, 3))])
-def test_a_forged_visit_or_probe_is_named(tiny, stored, anew, key, shape):
-    arrays, note = store.read(stored / "tiny/GVT")
-    more = np.random.default_rng(0).random((3, *shape), np.float32)
-    forged = more.copy()
-    forged[1].flat[-1] += 0.1
-    there, now = {**arrays, key: forged}, {**anew["GVT"], key: more}
-    found = whole.compare_runs(tiny, "GVT", (there, note), now, EVERY)
-    assert list(found.wrong) == [1]
-    assert found.wrong[1].startswith(key)
 
 
 @pytest.mark.parametrize(
@@ -114,20 +98,11 @@ def test_a_fault_that_shows_late_is_named(tiny, stored, monkeypatch):
     assert "at iteration 220" in check_runs(tiny, "DDQN", [0], stored).wrong[0]
 
 
-def test_another_evaluation_is_named(tiny, stored, monkeypatch):
-    monkeypatch.setattr(run, "EVALUATION_EPISODES", 11)
-    for label in ("GVT", "DDQN"):
-        assert check_runs(tiny, label, [0], stored).wrong[0].startswith("greedy")
-
-
 @pytest.mark.parametrize("member", [3, -1, 1.0, None, True])
 def test_members_that_are_not_there_are_refused(tiny, computed, member):
     for check, *given in ((check_runs, [member], computed), (check_heads, computed, [member])):
         with pytest.raises(ValueError, match="member must be a whole number from 0 to 2, got"):
             check(tiny, "GVT", *given)
-
-
-# --- what rounding may do ------------------------------------------------------------------------
 
 
 def compared(machine="this one", processor="another", **changes) -> Whole:
@@ -219,3 +194,26 @@ def test_runs_of_the_engine_are_computed_in_the_batches_of_the_store(tiny, monke
         asked.clear()
     # as they are where visits are asked for
     assert not whole.by_kernels(evolve(tiny, visits=True), "GVT")
+
+
+def test_members_are_noted_once_and_the_farthest_counts_until_a_result_is_stored_anew(
+    tiny, stored, rewrite
+):
+    def noted(*found) -> dict[str, str]:
+        record(tiny, "GVT", Whole(*found), stored)
+        return {x["member"]: x["alike_until"] for x in recorded([(tiny, "GVT")], stored)}
+
+    assert recorded([(tiny, "GVT")], stored) == []
+    assert noted([2], {1: 49}, {0: "greedy is 1, anew 2"}) == {"1": "49", "2": "end"}
+    assert noted([1], {2: 49}, {}) == {"1": "end", "2": "end"}
+    assert recorded([(tiny, "NT"), (tiny.pool, "sources")], stored) == []
+    (line, _) = recorded([(tiny, "GVT")], stored)
+    assert line["processor"] == store.machine()["processor"]
+    rewrite("tiny/GVT", greedy=np.ones(3))
+    assert noted([], {1: 199}, {}) == {"1": "199"}
+
+
+def test_a_torn_list_is_refused(tiny, stored):
+    (stored / NAME).write_text(",".join(FIELDS) + "\ntiny/GVT,0,end\n")
+    with pytest.raises(store.TornResult, match="each line needs result, member"):
+        recorded([(tiny, "GVT")], stored)

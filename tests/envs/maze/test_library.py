@@ -8,18 +8,7 @@ from vtlib.envs import Mazes, load_mazes
 from vtlib.envs.maze.library import library, named
 
 CORNERS = {"north-east": (9, 9), "north-west": (0, 9), "south-west": (0, 0), "south-east": (9, 0)}
-DRAWING = """
-#........G
-#.########
-..........
-#########.
-..........
-.####.###.
-.#......#.
-.#.####.#.
-.#.#....#.
-...#.####.
-"""
+DRAWING = "\n#........G\n#.########\n" + "#.........\n" * 8
 NO_WAY = "no way leads to the goal from"
 
 
@@ -66,7 +55,7 @@ def test_ones_own_mazes_become_tasks_beside_the_librarys(tmp_path):
         (changed(0, "#........."), "mine: there are 0 cells G, not 1"),
         (changed(2, "G........."), "mine: there are 2 cells G, not 1"),
         (changed(0, "#.......G."), "mine: the goal, in row 1, column 9, is not in a corner"),
-        (changed(2, "#.###....."), f"mine: {NO_WAY} row 3, column 6"),
+        (changed(1, "#" * 10), f"mine: {NO_WAY} row 3, column 2"),
         ("mine\n#########G" + "\n##########" * 9, "mine: there is no free cell to start from"),
         ("mine\nG........#" + "\n#########." * 9, f"mine: {NO_WAY} row 2, column 10"),
         ("", "own.txt: there is no maze in it"),
