@@ -1,7 +1,5 @@
 """Shared by all tests: the book, built beside the other tests, and a browser to read it with."""
 
-from __future__ import annotations
-
 import ast
 import contextlib
 import functools
@@ -15,11 +13,8 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager
 from pathlib import Path
-from types import ModuleType, SimpleNamespace
-from typing import Any
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -122,7 +117,7 @@ def weights(tiny: Experiment) -> np.ndarray:
 
 
 @pytest.fixture(scope="session")
-def cells_of() -> Callable[[str], dict[str, Any]]:
+def cells_of():
     """The names of a page after its cells were run, and its figures by theirs.
 
     A moving figure is a pair of its axes and its picture. Numbers for the text go nowhere.
@@ -130,13 +125,13 @@ def cells_of() -> Callable[[str], dict[str, Any]]:
     return functools.cache(run_cells)
 
 
-def run_cells(name: str) -> dict[str, Any]:
+def run_cells(name: str) -> dict:
     """Run the code cells of a page, which ask for little of the book's tools."""
     with pytest.MonkeyPatch.context() as patch:
         # only for as long as they run: other tests need the package itself
         patch.setitem(sys.modules, "myst_nb", SimpleNamespace(glue=lambda *_, **__: None))
         patch.setattr(widgets, "still_sliders", lambda axes, picture: (axes, picture))
-        names: dict[str, Any] = {}
+        names: dict = {}
         page = (ROOT / "book" / f"{name}.md").read_text(encoding="utf-8")
         for head, source in CELL.findall(page):
             code = ast.parse(re.sub(r"^:.*\n", "", source, flags=re.MULTILINE))
@@ -149,7 +144,7 @@ def run_cells(name: str) -> dict[str, Any]:
 
 
 @pytest.fixture
-def extension(monkeypatch: pytest.MonkeyPatch) -> Callable[[str], ModuleType]:
+def extension(monkeypatch):
     """Import a module of book/_ext, which is no package, for one test."""
     monkeypatch.syspath_prepend(str(ROOT / "book" / "_ext"))
     return importlib.import_module
@@ -179,11 +174,11 @@ def book(build_faults: list[str]) -> Path:
 
 
 @pytest.fixture(scope="session")
-def address(book: Path) -> Iterator[str]:
+def address(book: Path):
     """Address of the book on a local web server, without a slash at the end."""
 
     class Quiet(http.server.SimpleHTTPRequestHandler):
-        def log_message(self, *_: Any) -> None:
+        def log_message(self, *_):
             """Requests are not worth a line."""
 
     handler = functools.partial(Quiet, directory=str(book))
@@ -195,7 +190,7 @@ def address(book: Path) -> Iterator[str]:
 
 
 @pytest.fixture(scope="session")
-def browser() -> Iterator[Any]:
+def browser():
     """A headless Chromium; tests that need one are skipped where none is installed."""
     path = next(filter(None, map(shutil.which, BROWSERS)), None)
     if path is None:
@@ -208,15 +203,15 @@ def browser() -> Iterator[Any]:
 
 
 @pytest.fixture(scope="session")
-def watched(browser: Any) -> Callable[[], AbstractContextManager[Any]]:
+def watched(browser):
     """Open a page; ``page.foreign`` are its requests off this machine, ``page.faults`` errors."""
 
     @contextlib.contextmanager
-    def opened() -> Iterator[Any]:
+    def opened():
         page = browser.new_page(viewport={"width": 1280, "height": 900})
         page.foreign, page.faults = [], []
 
-        def refuse(route: Any) -> None:
+        def refuse(route):
             page.foreign.append(route.request.url)
             route.abort()
 
@@ -229,7 +224,6 @@ def watched(browser: Any) -> Callable[[], AbstractContextManager[Any]]:
 
 
 @pytest.fixture
-def page(watched: Callable[[], AbstractContextManager[Any]]) -> Iterator[Any]:
-    """A fresh page for one test."""
+def page(watched):
     with watched() as page:
         yield page

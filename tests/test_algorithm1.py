@@ -2,7 +2,6 @@
 
 import pytest
 import torch
-from torch import Tensor
 
 from vtlib.algorithm1 import algorithm1
 from vtlib.envs import CartpoleFamily, MazeFamily, RoomsFamily
@@ -14,14 +13,12 @@ from vtlib.transfer import Settings
 
 ROOMS = RoomsFamily(), RBFLinear(torch.arange(11.0), 1 / 9, 4), 0.3
 CARTPOLE = CartpoleFamily(), MLP((4, 32, 2)), 1.0
-# weights so large that gradients may have to be clipped
-STEEP = CartpoleFamily(), MLP((4, 32, 2)), 4.0
 MAZE = MazeFamily(), MLP((22, 8, 8, 3)), 0.3
 CART = {"lambda_": 1e-3, "minibatch": 500, "n_samples": 5, "alpha_L": 1e-4}
 DENSE = Settings(components=3, psi=0.0, covariance="dense", **CART)
 
 
-def assert_close(ours: Tensor, exact: Tensor, most: float, unit: float) -> None:
+def assert_close(ours, exact, most, unit):
     """No entry differs by more than `most` units, and half of them by 2e-5 at most."""
     apart = (ours.double() - exact).abs().flatten() / unit
     assert apart.max() < most
@@ -36,7 +33,7 @@ def assert_close(ours: Tensor, exact: Tensor, most: float, unit: float) -> None:
         pytest.param(ROOMS, Settings(components=3), id="rooms 3-MGVT"),
         pytest.param(CARTPOLE, Settings("gaussian", **CART), id="cartpole GVT"),
         pytest.param(CARTPOLE, DENSE, id="cartpole 3-MGVT, psi 0"),
-        pytest.param(STEEP, Settings(psi=1.0, **CART), id="steep, psi 1"),
+        pytest.param(CARTPOLE, Settings(psi=1.0, **CART), id="cartpole 1-MGVT, psi 1"),
         pytest.param(MAZE, Settings(components=3, alpha_L=1e-3), id="maze 3-MGVT"),
     ],
 )

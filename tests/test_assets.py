@@ -12,7 +12,6 @@ import pytest
 
 @pytest.fixture
 def assets(extension):
-    """The fetcher of the browser scripts."""
     return extension("fetch_assets")
 
 

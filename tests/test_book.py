@@ -14,13 +14,11 @@ ROOT = Path(__file__).resolve().parents[1]
 
 
 def written_pages(book: Path) -> list[Path]:
-    """Pages that have a source in book/."""
     return sorted((book / "book").glob("*.html"))
 
 
 @cache
 def soup(path: Path) -> BeautifulSoup:
-    """A parsed page."""
     return BeautifulSoup(path.read_text(encoding="utf-8"), "html.parser")
 
 

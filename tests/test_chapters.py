@@ -1,4 +1,4 @@
-"""The pages' sources: sections, boxes, symbols and names, and the shape of an experiment's."""
+"""The pages' sources: symbols, names and numbers, and the shape of an experiment's."""
 
 import pkgutil
 import re
@@ -7,43 +7,29 @@ from pathlib import Path
 import attrs
 import pytest
 
+from vtbook.experiments import cartpole, maze, mountain_car, rooms
 from vtlib.transfer import Settings
 
 BOOK = Path(__file__).resolve().parents[1] / "book"
 PAGES = {path.stem: path.read_text(encoding="utf-8") for path in BOOK.glob("*.md")}
-EXPERIMENTS = [name for name in PAGES if name.startswith("rooms_")]
-EXPERIMENTS += ["cartpole", "mountain_car", "mazes"]
+NUMBERS = {1: "one", 5: "five", 8: "eight", 10: "ten", 12: "twelve", 20: "twenty", 50: "fifty"}
+# A page's runs, and those of its sliders.
+RUNS = {
+    "cartpole": (cartpole.CARTPOLE, cartpole.CARTPOLE_SLIDERS),
+    "mountain_car": (mountain_car.CAR, mountain_car.CAR_SLIDERS),
+    "mazes": (maze.MAZE_TARGETS[maze.MAIN], maze.MAZE_SLIDERS),
+    "rooms_evaluation": (rooms.ROOMS_EVALUATION, rooms.ROOMS_EVALUATION_SLIDERS),
+    "rooms_distribution_change": (rooms.ROOMS_CHANGE, rooms.ROOMS_CHANGE_SLIDERS),
+    "rooms_exploration": (rooms.ROOMS_EXPLORATION, rooms.ROOMS_EXPLORATION_SLIDERS),
+    "rooms_number_of_sources": (rooms.ROOMS_SOURCES, rooms.ROOMS_SOURCES_SLIDERS),
+}
 SHAPE = """The claims, Would fine-tuning do as well?, Move the parameters, What the sources cost,
     Limits, An exercise, How it was computed"""
-# The thesis' table of contents, in its order; our headings of the same parts.
-CONTENTS = {
-    "introduction": "Contribution, Outline",
-    "background": """Reinforcement learning and Markov decision processes,
-        Value-based RL fundamentals, Variational inference, Bayesian inference and intractability,
-        Evidence lower bound (ELBO), Inductive PAC-Bayesian learning overview""",
-    "setting": """Motivation, Designing a transfer algorithm, Related fields, Multitask learning,
-        Learning to learn, Lifelong learning, Our setting""",
-    "related": """Hierarchical Bayesian multitask reinforcement learning, Hidden-parameter MDPs,
-        Randomized value functions""",
-    "method": """Variational transfer algorithm, Modeling the likelihood, Variational approximation,
-        Algorithm, TD error optimization, Practical implementations, Gaussian variational transfer,
-        Mixture of Gaussians variational transfer""",
-    "conclusions": "Future work",
-    "parameters": "The rooms problem, Classic control, Cartpole, Mountain car, Maze navigation",
-    **dict.fromkeys(EXPERIMENTS, SHAPE),
-}
 
 
 def words(prose: str) -> int:
     """How many a reader counts: a number from code is one."""
     return len(re.findall(r"\S*\w\S*", re.sub(r"\{[a-z:]+\}`[^`]*`", "x", prose)))
-
-
-@pytest.mark.parametrize("page", CONTENTS)
-def test_every_section_has_its_place(page):
-    wanted = re.split(r",\s+", CONTENTS[page])
-    headings = re.findall(r"^##+ (.*)$", PAGES[page], re.MULTILINE)
-    assert [heading for heading in headings if heading in wanted] == wanted
 
 
 def test_the_reference_has_every_module_once(extension):
@@ -68,11 +54,13 @@ def test_docstrings_become_what_sphinx_reads(extension):
     assert text.endswith("\nend\n")
 
 
-@pytest.mark.parametrize("page", EXPERIMENTS)
+@pytest.mark.parametrize("page", [*RUNS, "rooms_likelihood"])
 def test_a_page_of_an_experiment_asks_answers_and_is_read_to_the_end(page):
     cells = re.compile(r"^```\{code-cell\}.*?^```$", re.DOTALL | re.MULTILINE)
     prose = cells.sub("", PAGES[page])
     assert re.search(r"^# .*\?$", prose, re.MULTILINE), "the title asks"
+    wanted, found = re.split(r",\s+", SHAPE), re.findall(r"^## (.*)$", prose, re.MULTILINE)
+    assert [heading for heading in found if heading in wanted] == wanted
     assert words(prose) < 2_000
     answer = re.search(r"```\{admonition\} The answer\n:class: tip\n(.*?)```", prose, re.DOTALL)[1]
     assert words(answer) <= 60
@@ -87,3 +75,13 @@ def test_every_symbol_has_a_meaning_and_a_name_that_exists():
     assert names & settings
     for name in names - settings:
         assert pkgutil.resolve_name(f"vtlib.{name}") is not None, name
+
+
+@pytest.mark.parametrize("page", RUNS)
+def test_curves_and_sliders_are_said_to_be_as_long_as_they_are(page):
+    figure, moved = RUNS[page]
+    text = " ".join(PAGES[page].split())
+    assert f"shows {NUMBERS[moved.runs]} runs of {moved.iterations:,} iterations" in text
+    found = set(re.findall(r"(?:against|over) ([\d,]+) iterations", text))
+    assert found <= {f"{figure.published.iterations:,}"}
+    assert found or page == "rooms_number_of_sources"  # where the axis is another

@@ -4,6 +4,8 @@ Tensors that would lie on the device are marked, and what PyTorch refuses is ref
 on tensors of both sides, and NumPy's view of a tensor on the device.
 """
 
+from functools import partial
+
 import pytest
 import torch
 from torch import Tensor
@@ -50,9 +52,9 @@ class PretendedCard(TorchFunctionMode):
         return func(*args, **kwargs)
 
 
-def course(q: QFunction, settings: Algorithm, device: str, steps: int = 20) -> list[Tensor]:
+def course(q: QFunction, settings: Algorithm, device: str) -> list[Tensor]:
     """Means, factors and actions of two runs whose gradients are large now and then."""
-    g = torch.Generator().manual_seed(0)
+    g, steps = torch.Generator().manual_seed(0), FIRST + 2
     sources = 0.3 * torch.randn(2, 4, q.d, generator=g)
     obs = torch.randn(steps + 1, 2, 2, generator=g)
     agent = settings.agent(q, sources.to(device), 2, Rng("device", [0, 1]))
@@ -64,34 +66,25 @@ def course(q: QFunction, settings: Algorithm, device: str, steps: int = 20) -> l
     return [agent.mu.detach().cpu(), agent.scale_tril.cpu(), torch.stack(taken)]
 
 
+SHORT = partial(Settings, lambda_=1e-2, alpha_L=1e-4, minibatch=3, n_samples=2)
+
+
 @pytest.mark.parametrize("q", [RBFLinear(torch.arange(3.0), 0.5, 2), MLP((2, 9, 2))])
 @pytest.mark.parametrize(
-    "changes",
+    "settings",
     [
-        {"family": "gaussian"},
-        {"family": "gaussian", "kl": "diagonal", "act": "episode"},
-        {"family": "gaussian", "covariance": "diagonal"},
-        {"components": 3},
-        {"components": 3, "init": "mean", "responsibilities": "equal", "act": "episode"},
-        {"components": 3, "covariance": "diagonal", "kl": "diagonal"},
+        SHORT("gaussian"),
+        SHORT("gaussian", kl="diagonal", act="episode"),
+        SHORT("gaussian", covariance="diagonal"),
+        SHORT(components=3),
+        SHORT(components=3, init="mean", responsibilities="equal", act="episode"),
+        SHORT(components=3, covariance="diagonal", kl="diagonal"),
+        Recommended(),
     ],
 )
-def test_runs_on_a_card_mix_nothing_and_are_the_same(monkeypatch, q, changes):
+def test_runs_on_a_card_mix_nothing_and_are_the_same(monkeypatch, q, settings):
     monkeypatch.setattr(posteriors, "kernels", lambda: None)  # they are the processor's
-    settings = Settings(**changes, lambda_=1e-2, alpha_L=1e-4, minibatch=3, n_samples=2)
-    assert_same(q, settings)
-
-
-@pytest.mark.parametrize("q", [RBFLinear(torch.arange(3.0), 0.5, 2), MLP((2, 9, 2))])
-def test_so_is_the_recommended_method(monkeypatch, q):
-    monkeypatch.setattr(posteriors, "kernels", lambda: None)
-    assert_same(q, Recommended(), FIRST + 2)
-
-
-def assert_same(q: QFunction, settings: Algorithm, steps: int = 20) -> None:
-    """Runs here and on the card are the same."""
-    here = course(q, settings, "cpu", steps)
+    here = course(q, settings, "cpu")
     with PretendedCard():
-        there = course(q, settings, "cuda", steps)
-    for ours, theirs in zip(here, there, strict=True):
-        assert torch.equal(ours, theirs)
+        there = course(q, settings, "cuda")
+    assert all(map(torch.equal, here, there))

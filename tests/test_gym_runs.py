@@ -7,13 +7,12 @@ import gymnasium as gym
 import numpy as np
 import pytest
 import torch
-from torch import nn
 
 from vtlib import gym_runs
 from vtlib.baselines import DDQNSettings, FineTuning, MellowTDSettings
 from vtlib.experiments.store import TornResult
 from vtlib.gym_runs import Learned, evaluate, solve, transfer
-from vtlib.qfunctions import MLP, ModuleQ
+from vtlib.qfunctions import MLP
 from vtlib.transfer import Settings
 
 Q = MLP((4, 8, 2))
@@ -41,14 +40,12 @@ class Corridor(gym.Env):
         return self.observation_space.high, float(action), False, self._left == 0, {}
 
 
-PAID = sum(0.99**t for t in range(5))  # the most that a corridor pays
-
-
 def always(action: int) -> torch.Tensor:
     """Weights (d,) of a policy that always takes an action."""
     return torch.eye(Q.d)[-2 + action]
 
 
+ENV = Corridor()
 BOTH = torch.stack([always(0), always(1)])
 
 
@@ -61,7 +58,8 @@ def test_the_best_source_comes_first_and_is_kept_where_learning_harms():
     destroyed = attrs.evolve(TRANSFER, alpha_mu=10.0, lambda_=0.0, minibatch=1)
     learned = transfer([Corridor(), Corridor()], Q, BOTH, 3, destroyed, trials=2)
     earned = evaluate([Corridor(), Corridor()], Q, learned.weights).mean(1)
-    torch.testing.assert_close(earned, torch.full((2,), PAID))
+    most = sum(0.99**t for t in range(5))
+    torch.testing.assert_close(earned, torch.full((2,), most))
     kept = ~learned.improved
     torch.testing.assert_close(learned.weights[kept, 0], always(1).expand(int(kept.sum()), -1))
     # two trials of each of two sources, learning, and as many of what was learned
@@ -95,23 +93,19 @@ def test_without_settings_the_recommended_ones_start_at_the_best_sources():
     torch.testing.assert_close(learned.weights[0], BOTH[[1, 0, 1]])
 
 
-def test_a_learner_stays_on_the_processor():
-    learned = transfer([Corridor()], Q, BOTH, 2, FineTuning(LEARNER), trials=0, device="cuda")
-    assert learned.weights.device.type == "cpu"
-
-
-def test_without_trials_it_is_the_method_alone():
-    learned = transfer([Corridor()], Q, BOTH, 1, TRANSFER, trials=0)
+@pytest.mark.parametrize(("settings", "device"), [(TRANSFER, "cpu"), (FineTuning(LEARNER), "cuda")])
+def test_without_trials_it_is_the_method_alone_and_a_learner_stays_on_the_processor(
+    settings, device
+):
+    learned = transfer([Corridor()], Q, BOTH, 1, settings, trials=0, device=device)
     assert (learned.steps.tolist(), learned.improved.tolist()) == ([1], [True])
     assert (learned.weights[0, 0] - always(0)).abs().max() < 0.01
 
 
-@pytest.mark.parametrize(
-    ("q", "learner"), [(Q, LEARNER), (ModuleQ(nn.Linear(4, 2), 2), DDQNSettings(100))]
-)
-def test_seeds_repeat_and_differ(q, learner):
+@pytest.mark.parametrize("learner", [LEARNER, DDQNSettings(100)])
+def test_seeds_repeat_and_differ(learner):
     env = gym.make("CartPole-v1")
-    first, again, other = (solve([env], q, 120, learner, seed=seed) for seed in (1, 1, 2))
+    first, again, other = (solve([env], Q, 120, learner, seed=seed) for seed in (1, 1, 2))
     assert torch.equal(first.weights, again.weights)
     assert not torch.equal(first.weights, other.weights)
 
@@ -131,12 +125,10 @@ def test_a_callback_is_told_and_ends_the_learning_of_returns_known_once_an_episo
     assert torch.isnan(learned.returns[1]).all()
 
 
-@pytest.mark.parametrize("learn", [solve, partial(transfer, sources=SOURCES[:2], trials=1)])
-def test_a_bar_is_shown_on_request_alone(learn, capsys):
-    settings = LEARNER if learn is solve else TRANSFER
-    for shown in (True, False):
-        learn([Corridor()], Q, iterations=30, settings=settings, progress=shown)
-        assert ("30/30" in capsys.readouterr().err) is shown
+@pytest.mark.parametrize("shown", [True, False])
+def test_a_bar_is_shown_on_request_alone(shown, capsys):
+    transfer([Corridor()], Q, SOURCES[:2], 30, TRANSFER, trials=1, progress=shown)
+    assert ("30/30" in capsys.readouterr().err) is shown
 
 
 @pytest.mark.parametrize("settings", [TRANSFER, FineTuning(LEARNER)])
@@ -159,16 +151,12 @@ def test_a_file_that_is_not_whole_is_named(tmp_path):
             Learned.load(path)
 
 
-ENV = Corridor()
-
-
 @pytest.mark.parametrize(
     ("call", "message"),
     [
         (partial(evaluate, [Corridor(np.inf)], Q, always(1).view(1, 1, -1)),
          r"has not ended after 50 steps: gymnasium\.wrappers\.Time"),
         (partial(solve, [ENV], Q, 10, "mellow"), "settings must be"),
-        (partial(transfer, [ENV], Q, SOURCES, 10, "mellow"), "settings must be"),
         (partial(transfer, [ENV], Q, SOURCES, 10, 0), "settings must be"),
         (partial(solve, [ENV, ENV], Q, 10), "one is given twice"),
         (partial(solve, [Corridor(space=(2, 2))], Q, 10), "FlattenObservation makes one of it"),

@@ -39,8 +39,3 @@ def test_a_notebook_runs_without_the_book(extension, tmp_path):
     command = [sys.executable, "-c", program]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
-
-
-def test_durations_are_told_in_words(extension):
-    told = [extension("notebooks").in_words(seconds) for seconds in (0.2, 12.3, 89.0, 200.0)]
-    assert told == ["about a second", "12 seconds", "89 seconds", "3 minutes"]

@@ -34,9 +34,6 @@ def gaussian(*batch, d, seed=1):
     return Gaussian(draw(*batch, d, seed=seed + 2), lower + torch.diag_embed(diagonal))
 
 
-# --- one Gaussian --------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("d", [1, 2, 7, 30])
 def test_kl_agrees_with_torch_distributions(d):
     q, p = gaussian(4, 1, d=d), gaussian(3, d=d, seed=5)
@@ -89,20 +86,6 @@ def test_a_gaussian_prior_has_the_moments_of_its_sources(
         close(mu, w.mean(1, keepdim=True))
         mu.add_(1.0)  # the posterior's means move in place, and must not take the prior along
         close(prior.pull(mu), inverse.sum(1, keepdim=True))
-
-
-@pytest.mark.parametrize("apart", [1e8, 1e30, 3e38])
-def test_sources_too_far_apart_for_their_covariance_are_refused(apart):
-    far = (apart * draw(1, 4, 9).clamp(-1, 1)).float()
-    refused = [lambda: priors.covariance_factor(priors.sources_mean_and_spread(far)[1], 1e-4)]
-    if apart == 3e38:  # whose differences are infinite
-        refused.append(lambda: GaussianPrior(far))
-    for call in refused:
-        with pytest.raises(ValueError, match=r"^sources must lie closer to their mean .* away$"):
-            call()
-
-
-# --- mixtures ------------------------------------------------------------------------------------
 
 
 def tight_bound(pairwise, updates=None):
@@ -194,14 +177,9 @@ def test_far_sources_in_484_dimensions(components):
 @pytest.mark.parametrize(("components", "sources"), CASES)
 def test_pull_is_the_gradient_of_the_tightened_bound(components, sources):
     q, w, variance, h = gaussian(components, d=4), draw(sources, 4, seed=8), 0.9, 1e-3
-    mu = q.mu.clone().requires_grad_()
-    pairwise = pairwise_kl(Gaussian(mu, q.scale_tril), w, variance)
-    bound = kl_bound(pairwise, *priors.responsibilities(pairwise.detach()))
-    (with_theta_held,) = torch.autograd.grad(bound, mu)
-    close(priors.pull_of_sources(q.mu, w, variance), with_theta_held, rtol=1e-5, atol=1e-5)
     # theta and phi are tightened anew at either end: at their fixed point the bound is flat in them
-    steps = h * eye(mu.numel()).view(-1, *mu.shape)
     wide = 2.5 * q.mu
+    steps = h * eye(wide.numel()).view(-1, *wide.shape)
     ends = Gaussian(torch.stack([wide + steps, wide - steps]), q.scale_tril)
     above, below = tight_bound(pairwise_kl(ends, w, variance), 1000)
     slopes = ((above - below) / (2 * h)).view_as(wide)

@@ -13,15 +13,16 @@ from vtlib.posteriors import COVARIANCES
 
 ROOT = Path(vtlib.__file__).parents[1]
 
-# An experiment in an environment of one's own: its tasks, its record, and two configurations.
+# An experiment in an environment of one's own with a posterior of one's own: the tasks, their
+# record, and the one line that makes the posterior known.
 CORRIDORS = '''
-import isotropic
 import torch
 from attrs import frozen
 
 from vtlib.baselines import DDQNSettings, MellowTDSettings
 from vtlib.envs.base import TaskBatch, TaskFamily
 from vtlib.experiments.experiment import Experiment, Pool
+from vtlib.posteriors import COVARIANCES
 from vtlib.qfunctions import MLP
 from vtlib.transfer import Settings
 
@@ -39,7 +40,6 @@ class Corridors(TaskBatch):
         return 0.2 * u - 0.1
 
     def step(self, state, action, noise):
-        self._check_step(state, action, noise)
         moved = state + 0.25 * (2 * action.unsqueeze(1) - 1) + 0.01 * noise
         arrived = (moved * self.goal.unsqueeze(1) >= 1).squeeze(1)
         return moved.clamp(-1, 1), arrived.float(), arrived
@@ -47,8 +47,6 @@ class Corridors(TaskBatch):
 
 @frozen
 class CorridorFamily(TaskFamily):
-    right: float = 0.9  # how often the goal is on the right
-
     parameters = ("goal",)
     limits = (0.0, 1.0)
 
@@ -59,27 +57,7 @@ class CorridorFamily(TaskFamily):
         return torch.full((len(tasks),), Corridors.gamma**3)
 
     def sample(self, rng, count):
-        draws = torch.from_numpy(rng.random(count))
-        return Corridors(torch.where(draws < self.right, 1.0, -1.0))
-
-
-FAMILY, LEARNER = CorridorFamily(), MellowTDSettings(epsilon_steps=100, gamma=0.9, minibatch=10)
-LENGTH = {"iterations": 200, "limit": 400, "check_every": 100, "episodes": 5}
-POOL = Pool("corridors", FAMILY, count=3, settings=LEARNER, **LENGTH)
-ALGORITHMS = {
-    "GVT": Settings("gaussian", covariance="isotropic", lambda_=1e-3, gamma=0.9, n_samples=3),
-    "2-MGVT": Settings(covariance="isotropic", components=2, gamma=0.9, n_samples=3),
-    "NT": DDQNSettings(epsilon_steps=100, gamma=0.9),
-}
-MINE = Experiment("mine", POOL, FAMILY, ALGORITHMS, runs=2, sources=2, iterations=200, every=100)
-EXPERIMENTS = {"mine": MINE}
-'''
-
-# A posterior of another form in one file, and the one line that makes it known.
-ISOTROPIC = '''
-import torch
-
-from vtlib.posteriors import COVARIANCES
+        return Corridors(torch.where(torch.from_numpy(rng.random(count)) < 0.9, 1.0, -1.0))
 
 
 class Isotropic:
@@ -102,12 +80,20 @@ class Isotropic:
 
 
 COVARIANCES["isotropic"] = Isotropic
+LEARNER = MellowTDSettings(epsilon_steps=100, gamma=0.9, minibatch=10)
+LENGTH = {"iterations": 200, "limit": 400, "check_every": 100, "episodes": 5}
+POOL = Pool("corridors", CorridorFamily(), count=3, settings=LEARNER, **LENGTH)
+ALGORITHMS = {
+    "GVT": Settings("gaussian", covariance="isotropic", lambda_=1e-3, gamma=0.9, n_samples=3),
+    "NT": DDQNSettings(epsilon_steps=100, gamma=0.9),
+}
+SIZE = {"runs": 2, "sources": 2, "iterations": 200, "every": 100}
+EXPERIMENTS = {"mine": Experiment("mine", POOL, POOL.family, ALGORITHMS, **SIZE)}
 '''
 
 
 def test_an_experiment_with_a_posterior_of_ones_own_is_run_by_its_name(tmp_path, monkeypatch):
     (tmp_path / "corridors.py").write_text(CORRIDORS)
-    (tmp_path / "isotropic.py").write_text(ISOTROPIC)
     offered = tmp_path / "corridors-1.0.dist-info"
     offered.mkdir()
     (offered / "METADATA").write_text("Metadata-Version: 2.1\nName: corridors\nVersion: 1.0\n")
@@ -128,7 +114,7 @@ def test_an_experiment_with_a_posterior_of_ones_own_is_run_by_its_name(tmp_path,
     # the same from Python, as long as the test runs
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.setitem(COVARIANCES, "isotropic", None)
-    mine = importlib.import_module("corridors").MINE
+    mine = importlib.import_module("corridors").EXPERIMENTS["mine"]
     found = returns(mine, "GVT", root)
     assert found.attrs["config"]["algorithm"]["covariance"] == "isotropic"
     assert found.learning.dims == ("run", "iteration")
