@@ -68,22 +68,6 @@ def test_the_tally_counts_the_thesis_own_claims_of_a_protocol():
     assert tables.tally(claims, "equations") == {REPRODUCED: 1, STRONGER: 2, UNDECIDED: 0, NOT: 0}
 
 
-def test_overlaps_have_a_row_for_each_published_curve_of_which_none_breaks_the_page():
-    def overlap(protocol, _, kind):
-        return {"published": 0.3, "equations": 0.8}[protocol] + 0.01 * (kind == "greedy")
-
-    both, one = (
-        SimpleNamespace(printed=["NT"], protocols=protocols, overlap=overlap)
-        for protocols in (tables.PROTOCOLS, ["published"])
-    )
-    assert rows_of(tables.overlap_table({HOSTILE: both, "C": one}))[1:] == [
-        [HOSTILE, "NT", "learning", "30%", "80%"],
-        [HOSTILE, "NT", "greedy", "31%", "81%"],
-        ["C", "NT", "learning", "30%", "not run"],
-        ["C", "NT", "greedy", "31%", "not run"],
-    ]
-
-
 def test_what_sources_cost_is_told_with_what_they_save():
     steps = np.array([1_000.0, 2_000.0]), np.array([4_000.0, 5_000.0])
     pays = Cost(200_000.0, *steps, Interval(3_000.0, -1.0, 6_001.0), 1, 2)
