@@ -54,18 +54,22 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         half = "first" if isinstance(page, str) and page < "g" else "last"
         group = f"{file}, of the book's {half} pages" if item in wanted else file
         item.add_marker(pytest.mark.xdist_group(group))
-    first = os.environ.get("PYTEST_XDIST_WORKER", FIRST) == FIRST
-    if wanted and first and not config.option.collectonly:
+
+
+def pytest_collection_finish(session: pytest.Session) -> None:
+    """Begin to build the book where a test that was selected asks for it."""
+    wanted = any("build_faults" in getattr(x, "fixturenames", ()) for x in session.items)
+    if not wanted or BUILT in os.environ or session.config.option.collectonly:
+        return
+    if os.environ.get("PYTEST_XDIST_WORKER", FIRST) == FIRST:
         start_build()
-    if wanted and hasattr(config, "workerinput") and BUILT not in os.environ and len(CORES) > 1:
+    if hasattr(session.config, "workerinput") and len(CORES) > 1:
         # until it is done the build has one to itself: it takes longest, and others wait for it
         os.sched_setaffinity(0, CORES[1:])
 
 
 def start_build() -> None:
     """Begin to build the book, once; how that ended will be in a file of its own."""
-    if _build or BUILT in os.environ:
-        return
     LOG.parent.mkdir(exist_ok=True)
     STATUS.unlink(missing_ok=True)
     # where scripts cannot be fetched the tests of them are skipped

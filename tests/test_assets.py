@@ -1,13 +1,16 @@
 """The build's own helpers: browser scripts and the key of the execution cache."""
 
+import asyncio
 import base64
 import hashlib
+import math
 import tarfile
 from dataclasses import replace
 from pathlib import Path
 from unittest.mock import Mock
 
 import pytest
+from nbformat.v4 import new_code_cell, new_notebook
 
 
 @pytest.fixture
@@ -32,13 +35,6 @@ def test_only_the_wanted_files_are_unpacked(assets, tmp_path):
     assets.unpack(archive, assets.PACKAGES[0], target)
     assert [*tmp_path.rglob("*.js")] == [target / "embed.js"]
     assert (target / "embed.js").read_text() == Path(__file__).read_text()
-
-
-def test_other_versions_count_as_absent(assets, tmp_path):
-    assert not assets.present(tmp_path)
-    for text in ("mathjax 2.7.9", assets.stamp_text()):
-        (tmp_path / "fetched").write_text(text)
-        assert assets.present(tmp_path) == (text == assets.stamp_text())
 
 
 def test_no_npm_and_no_network_is_one_clear_error(assets, monkeypatch, tmp_path):
@@ -72,3 +68,11 @@ def test_the_cache_key_follows_what_pages_depend_on(extension, tmp_path):
             keys.append(extension("cache_key").cache_key(tmp_path))
         assert keys[2] == keys[0], name
         assert (keys[1] != keys[0]) == (name in decisive), name
+
+
+def test_pages_run_side_by_side_and_one_that_fails_is_left_to_sphinx(extension, tmp_path):
+    good, bad = (new_notebook(cells=[new_code_cell(code)]) for code in ("1 + 1", "1 / 0"))
+    pages = {tmp_path / "good.md": good, tmp_path / "bad.md": bad}
+    seconds, never = asyncio.run(extension("in_parallel").run_all(pages, 60))
+    assert seconds < never == math.inf
+    assert good.cells[0].outputs[0].data["text/plain"] == "2"

@@ -43,13 +43,6 @@ def test_the_stored_sources_earn_again_what_is_stored(runs):
     assert earned.mean() == pytest.approx(found["sources"][0].mean(), abs=0.1)
 
 
-def test_what_is_stored_is_not_computed_again(runs, monkeypatch, capsys):
-    monkeypatch.setattr(runs, "judge", None)
-    monkeypatch.setattr("sys.argv", ["guide_runs.py"])
-    runs.main()
-    assert capsys.readouterr().out == ""
-
-
 def python(code: str, folder: Path, **environment: str) -> subprocess.CompletedProcess:
     """Run Python code in a folder, without the results of this repository."""
     return subprocess.run(

@@ -43,7 +43,7 @@ async def run(path: Path, page: NotebookNode, timeout: int, room: asyncio.Semaph
 
 async def run_all(pages: dict[Path, NotebookNode], timeout: int) -> list[float]:
     """Run pages side by side, in their order; the seconds that each took."""
-    room = asyncio.Semaphore(min(len(os.sched_getaffinity(0)), AT_MOST))
+    room = asyncio.Semaphore(min(os.cpu_count() or 1, AT_MOST))
     return await asyncio.gather(*(run(*one, timeout, room) for one in pages.items()))
 
 

@@ -15,7 +15,7 @@ from vtlib.envs.maze.plan import earned, plan_maze
 from vtlib.envs.mountain_car import plan as car_planner
 from vtlib.envs.mountain_car.plan import plan_mountain_car
 from vtlib.envs.rooms import plan as rooms_planner
-from vtlib.envs.rooms.plan import gaussian_quadrature, plan_rooms
+from vtlib.envs.rooms.plan import plan_rooms
 from vtlib.td import mellowmax
 
 # Of the grid (1/6) and of 36 noises, on values of 0.7 to 0.85: seen at most 0.0033.
@@ -107,13 +107,6 @@ def test_a_door_on_the_way_is_better_and_no_value_leaks_through_a_wall(monkeypat
     ends = torch.tensor([[1.0, 5 - 1e-3], [1.0, 5 + 1e-3]])
     below, above = plan_rooms(Rooms.from_doors([[9.5]]), 0).value(ends)
     assert above - below > 0.005
-
-
-def test_the_quadrature_has_the_moments_of_the_noise():
-    points = gaussian_quadrature(9)
-    assert points.shape == (81, 2)
-    torch.testing.assert_close(points.mean(0), torch.zeros(2), atol=1e-6, rtol=0)
-    torch.testing.assert_close(points.T @ points / 81, torch.eye(2), atol=1e-5, rtol=0)
 
 
 @pytest.mark.parametrize("index", [0, 1])

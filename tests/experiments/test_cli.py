@@ -10,7 +10,6 @@ import torch
 from attrs import evolve
 from distributed import KilledWorker
 
-from vtbook import bench
 from vtbook.experiments import EXPERIMENTS, THESIS
 from vtlib import cli, experiments
 from vtlib.experiments import installed, run, schedule, store
@@ -220,8 +219,3 @@ def test_only_runs_that_transfer_are_computed_on_the_device(stored, monkeypatch)
     for name in RESULTS:
         device = store.provenance(stored / name)["machine"].get("device")
         assert device == ("a card called cuda:1" if name == "tiny/GVT" else None)
-
-
-def test_bench_is_a_command(monkeypatch):
-    monkeypatch.setattr(bench, "main", lambda: 7)
-    assert main("bench") == 7

@@ -133,14 +133,3 @@ def test_robust_numbers_are_those_of_the_statistics_within_tasks_seeded_by_the_l
         found = mean_interval(2 * share), bootstrap_interval(2 * share, seeded, strata)
         better = improvement_interval(2 * share, 2 * shares["A"], seeded, strata)
         assert row == [label, *map(shown, found), shown(better) if label == "B" else ""]
-
-
-def test_the_sweep_has_psi_down_and_lambda_across():
-    shares = {(x, psi): np.array([psi, psi + x]) for psi in (1.0, 0.0) for x in (1e-4, 1e-6)}
-    shares[1e-6, 1.0] = np.array([0.0, 0.5])
-    half = mean_interval(shares[1e-6, 1.0]).high - 0.25
-    assert rows_of(tables.sweep_table(shares)) == [
-        ["", "λ = 10⁻⁶", "λ = 10⁻⁴"],
-        ["ψ = 0", "0.00 ± 0.00", "0.00 ± 0.00"],
-        ["ψ = 1", f"0.25 ± {half:.2f}", "1.00 ± 0.00"],
-    ]

@@ -11,12 +11,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import websocket
 from bs4 import BeautifulSoup
 
 from vtbook import trainer
 from vtbook.experiments.rooms import ROOMS_EVALUATION, ROOMS_LIKELIHOOD
 from vtbook.panels import STATIC, static
+from vtbook.pauses import pauses
 from vtlib.experiments import load, returns
+from vtlib.experiments.run import prepare
 from vtlib.experiments.store import weights
 from vtlib.native.build import PAGE, compile_page
 from vtlib.native.runs import LANES, MOST_COMPONENTS, MOST_SOURCES, NO_CLIP
@@ -71,15 +74,24 @@ def test_the_parts_of_the_scripts(node):
 
 
 @pytest.mark.parametrize(("family", "label"), [("MGVT", "1-MGVT"), ("GVT", "GVT")])
-def test_runs_in_the_page_are_distributed_as_stored_runs(family, label, node):
-    rows = np.arange(RUNS) * (LIKELIHOOD.runs // RUNS)
+def test_runs_in_the_page_are_distributed_as_those_of_the_engine(family, label, node):
+    rows, pool = np.arange(RUNS) * (LIKELIHOOD.runs // RUNS), weights(LIKELIHOOD.pool)
     tasks = load(LIKELIHOOD, "tasks").isel(run=rows)
     told = zip(*(x.tolist() for x in (tasks.doors.values, tasks.sources.values, rows)), strict=True)
     runs = [{"family": family, "doors": d, "indices": s, "seed": seed} for d, s, seed in told]
     html = trainer.train_here(LIKELIHOOD, (5.0,))
-    here = json.loads(node(html, HERE / "runs.js", json.dumps([runs, 500])))
-    there = returns(LIKELIHOOD, label).learning.sel(iteration=500).values[rows]
-    assert same_distribution_p(np.array(here), there, np.random.default_rng(0)) > 1e-3
+    here = zip(*json.loads(node(html, HERE / "runs.js", json.dumps([runs, 500]))), strict=True)
+    batch = prepare(LIKELIHOOD, label, rows, pool)
+    list(pauses(batch, [500]))
+    mu, L = batch.agent.mu.detach()[:, 0].numpy(), batch.agent.scale_tril[:, 0]
+    there = batch.episodes.returns.mean().numpy(), mu, L.diagonal(dim1=1, dim2=2).numpy()
+    # how far means have moved from their own sources' and how wide the posterior is now
+    one, other = (
+        (earned, np.linalg.norm(mu - pool[tasks.sources].mean(1), axis=1), np.log(diagonal).mean(1))
+        for earned, mu, diagonal in (map(np.array, here), there)
+    )
+    for x, y in zip(one, other, strict=True):
+        assert same_distribution_p(x, y, np.random.default_rng(0)) > 1e-3
 
 
 def test_a_page_grows_by_little_and_holds_the_sources_and_the_kernels_settings():
@@ -191,3 +203,45 @@ def test_pages_of_two_rooms_have_one_door_and_start_with_a_gaussian(opened, name
     assert panel.locator(".door").count() == 1
     assert panel.get_by_label("Gaussian (GVT)").is_checked()
     assert trained(panel)["transfer"] > 0.2
+
+
+TRAINED = """new Promise(done => {
+  const panel = document.querySelector(".trainer"), says = panel.querySelector(".says");
+  const run = [...panel.querySelectorAll("button")].find(one => one.innerText.trim() === "Run");
+  let asked = false;
+  const timer = setInterval(() => {
+    if (says.innerText.startsWith("Ready") && !asked) asked = run.click() ?? true;
+    if (!says.innerText.startsWith("Done")) return;
+    clearInterval(timer);
+    const told = name => panel.querySelector(`.legend .${name}`).innerText.split(" ").pop();
+    done(`${told("transfer")} ${told("none")}`);
+  }, 50);
+})"""
+
+
+def test_a_reader_with_firefox_trains_too(book, tmp_path):
+    firefox = shutil.which("firefox") or shutil.which("firefox-esr")
+    if firefox is None:
+        pytest.skip("Firefox is not installed: apt install firefox-esr")
+    command = [firefox, "--headless", "--profile", tmp_path, "--remote-debugging-port=0"]
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
+        lines = (re.search(r"BiDi listening on (ws:\S+)", line) for line in process.stderr)
+        socket = websocket.create_connection(
+            f"{next(filter(None, lines))[1]}/session", suppress_origin=True
+        )
+
+        def call(number, method, **parameters):
+            socket.send(json.dumps({"id": number, "method": method, "params": parameters}))
+            while (told := json.loads(socket.recv())).get("id") != number:
+                pass
+            return told["result"]
+
+        call(1, "session.new", capabilities={})
+        (tab,) = call(2, "browsingContext.getTree")["contexts"]
+        where = {"context": tab["context"]}
+        url = (book / "book" / "rooms_evaluation.html").as_uri()
+        call(3, "browsingContext.navigate", url=url, wait="complete", **where)
+        done = call(4, "script.evaluate", expression=TRAINED, target=where, awaitPromise=True)
+        process.terminate()
+    transfer, none = map(float, done["result"]["value"].split())
+    assert transfer > none + 0.3

@@ -1,5 +1,5 @@
-/* Runs of the page's kernel, one for each {family, doors, indices, seed} in the argument; prints their
-   learning returns after so many iterations. */
+/* Runs of the page's kernel, one for each {family, doors, indices, seed} in the argument; prints after
+   so many iterations their learning returns, means, and diagonals of L. */
 "use strict";
 
 const path = require("node:path");
@@ -12,5 +12,7 @@ console.log(JSON.stringify(runs.map(({ family, doors, indices, seed }) => {
   const base = setup.settings[family], chosen = { doors, seed, components: 1, lambda: base.lambda_, psi: base.psi };
   const run = new Run(module_, setup.fields, base, chosen, indices.map((i) => sources[i]));
   for (let i = 0; i < iterations; i++) run.advance();
-  return run.kernel.learning();
+  run.kernel.unpack(0);
+  const L = run.floats("factors", 484 ** 2), diagonal = Array.from({ length: 484 }, (_, i) => L[485 * i]);
+  return [run.kernel.learning(), Array.from(run.floats("means", 484)), diagonal];
 })));
