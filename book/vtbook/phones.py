@@ -22,21 +22,23 @@ Panels = dict[Axes, SubplotSpec]
 Change = Callable[[Callable[[Any], Any], Any, Any], None]
 
 
+def panels_of(figure: Figure) -> Panels:
+    """Where on its grid each panel of a figure stands; nothing for a drawing without a grid."""
+    # a scale of colours follows the panels that it is for
+    axes = [ax for ax in figure.axes if not hasattr(ax, "_colorbar")]
+    return {ax: place for ax in axes if (place := ax.get_subplotspec())}
+
+
 @contextmanager
 def narrow(figure: Figure) -> Iterator[None]:
-    """Lay out a figure for a telephone as long as the context lasts."""
+    """Lay out a figure with panels for a telephone as long as the context lasts."""
     undo: list[Callable[[], Any]] = []
 
     def change(setter: Callable[[Any], Any], old: Any, new: Any) -> None:
         undo.append(partial(setter, old))
         setter(new)
 
-    # the scale of colours follows the panels that it is for
-    panels = {
-        ax: place
-        for ax in figure.axes
-        if (place := ax.get_subplotspec()) and not hasattr(ax, "_colorbar")
-    }
+    panels = panels_of(figure)
     curves = all(ax.get_aspect() == "auto" for ax in panels)
     columns = 2 ** sum(len(panels) > most for most in MANY[curves])
     try:

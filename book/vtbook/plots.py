@@ -21,7 +21,7 @@ from PIL import Image
 from xarray import Dataset
 
 from vtbook.costs import steps_to_solve
-from vtbook.phones import narrow
+from vtbook.phones import narrow, panels_of
 from vtbook.published import PublishedCurve
 from vtlib.stats import Interval, mean_interval
 
@@ -75,11 +75,13 @@ STYLE: dict[Any, Any] = {  # by matplotlib's names of its settings
 class BookFigure(Figure):
     """A figure that notebooks show by itself, without a plotting backend.
 
-    Beside its picture goes one for telephones, for the book's pages to offer.
+    Beside the picture of its panels goes one for telephones, for the book's pages to offer.
     """
 
     def _repr_png_(self) -> tuple[bytes, dict[str, str]]:
         wide = self._png()
+        if not panels_of(self):
+            return wide, {}
         with look(), narrow(self):
             return wide, {"narrow": b64encode(self._png()).decode()}
 
