@@ -37,14 +37,15 @@ def offer(app: Any, docname: str, template: str, context: dict[str, Any], doctre
     if app.builder.format != "html" or "body" not in context:
         return
     folder = Path(app.env.mystnb_config.output_folder)
-    narrow = pictures(folder / f"{docname}.ipynb")
+    narrow, images = pictures(folder / f"{docname}.ipynb"), Path(app.outdir) / "_images"
+    images.mkdir(exist_ok=True)
 
     def both(image: re.Match[str]) -> str:
         where, digest = image.groups()
         if digest not in narrow:
             return image[0]
         name = f"{digest[:32]}-narrow.png"
-        (Path(app.outdir) / "_images" / name).write_bytes(narrow[digest])
+        (images / name).write_bytes(narrow[digest])
         source = f'<source media="(max-width: 600px)" srcset="{where}{name}"/>'
         return f"<picture>{source}{image[0]}</picture>"
 
