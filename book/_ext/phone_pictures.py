@@ -1,7 +1,7 @@
 """Sphinx extension: a telephone loads the picture that a figure has drawn for its width.
 
-`vtbook.plots` hands that picture over in the metadata of the figure's output, which the notebook
-keeps. Here it becomes a file beside the other, and a source for narrow screens.
+`vtbook.plots` hands that picture over in the metadata of the figure's output, which the
+execution cache keeps. Here it becomes a file beside the other, and a source for narrow screens.
 """
 
 from __future__ import annotations
@@ -12,32 +12,30 @@ from base64 import b64decode
 from pathlib import Path
 from typing import Any
 
-import nbformat
+from jupyter_cache import get_cache
 
 IMAGE = re.compile(r'<img\b[^>]*? src="([^"]*?_images/)([0-9a-f]{64})\.png"[^>]*>')
 
 
-def pictures(path: Path) -> dict[str, bytes]:
-    """The pictures for telephones in an executed notebook, by the digest of those for pages."""
-    if not path.exists():
-        return {}
-    cells = nbformat.read(path, as_version=4).cells
-    outputs = (one for cell in cells for one in cell.get("outputs", ()))
-    return {
-        hashlib.sha256(b64decode(one.data["image/png"])).hexdigest(): b64decode(
-            one.metadata["image/png"]["narrow"]
-        )
-        for one in outputs
-        if "narrow" in one.get("metadata", {}).get("image/png", {})
-    }
+def pictures(app: Any, docname: str) -> dict[str, bytes]:
+    """A page's pictures for telephones, by the digest of those beside them."""
+    cache, path = get_cache(app.config.nb_execution_cache_path), str(app.env.doc2path(docname))
+    known = [one.pk for one in cache.list_cache_records() if one.uri == path]
+    found = {}
+    for cell in (cell for pk in known for cell in cache.get_cache_bundle(pk).nb.cells):
+        for output in cell.get("outputs", ()):
+            told = output.get("metadata", {}).get("image/png", {})
+            if "narrow" in told:
+                wide = b64decode(output.data["image/png"])
+                found[hashlib.sha256(wide).hexdigest()] = b64decode(told["narrow"])
+    return found
 
 
 def offer(app: Any, docname: str, template: str, context: dict[str, Any], doctree: Any) -> None:
     """Write a page's pictures for telephones and name them beside the others."""
-    if app.builder.format != "html" or "body" not in context:
+    if app.builder.format != "html" or docname not in app.env.found_docs:
         return
-    folder = Path(app.env.mystnb_config.output_folder)
-    narrow, images = pictures(folder / f"{docname}.ipynb"), Path(app.outdir) / "_images"
+    narrow, images = pictures(app, docname), Path(app.outdir) / "_images"
     images.mkdir(exist_ok=True)
 
     def both(image: re.Match[str]) -> str:
