@@ -47,23 +47,27 @@ async def run_all(pages: dict[Path, NotebookNode], timeout: int) -> list[float]:
     return await asyncio.gather(*(run(*one, timeout, room) for one in pages.items()))
 
 
-def is_cached(cache: Any, page: NotebookNode) -> bool:
-    """Whether these cells have run before."""
+def read_page(env: Any, docname: str) -> NotebookNode | None:
+    """A page as the notebook that Sphinx reads, None for one without cells."""
+    path = str(env.doc2path(docname))
+    text = Path(path).read_text(encoding="utf-8")
+    reader = create_nb_reader(path, env.myst_config, env.mystnb_config, text)
+    return reader and reader.read(text)
+
+
+def cached(cache: Any, page: NotebookNode) -> Any:
+    """The record of a page's cells in the execution cache, None if they have not run."""
     try:
-        return bool(cache.match_cache_notebook(page))
+        return cache.match_cache_notebook(page)
     except KeyError:
-        return False
+        return None
 
 
 def run_pages(app: Any, env: Any, docnames: list[str]) -> None:
     """Fill the execution cache with the pages that are to be read and are not in it."""
-    cache, pages = get_cache(app.config.nb_execution_cache_path), {}
-    for path in (Path(env.doc2path(name)) for name in docnames):
-        text = path.read_text(encoding="utf-8")
-        reader = create_nb_reader(str(path), env.myst_config, env.mystnb_config, text)
-        if reader is not None:
-            pages[path] = reader.read(text)
-    pages = {path: page for path, page in pages.items() if not is_cached(cache, page)}
+    cache = get_cache(app.config.nb_execution_cache_path)
+    read = {Path(env.doc2path(name)): read_page(env, name) for name in docnames}
+    pages = {path: page for path, page in read.items() if page and not cached(cache, page)}
     took = asyncio.run(run_all(pages, env.mystnb_config.execution_timeout))
     for (path, page), seconds in zip(pages.items(), took, strict=True):
         if seconds < math.inf:

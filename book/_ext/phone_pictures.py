@@ -12,6 +12,7 @@ from base64 import b64decode
 from pathlib import Path
 from typing import Any
 
+from in_parallel import cached, read_page
 from jupyter_cache import get_cache
 
 IMAGE = re.compile(r'<img\b[^>]*? src="([^"]*?_images/)([0-9a-f]{64})\.png"[^>]*>')
@@ -19,10 +20,10 @@ IMAGE = re.compile(r'<img\b[^>]*? src="([^"]*?_images/)([0-9a-f]{64})\.png"[^>]*
 
 def pictures(app: Any, docname: str) -> dict[str, bytes]:
     """A page's pictures for telephones, by the digest of those beside them."""
-    cache, path = get_cache(app.config.nb_execution_cache_path), str(app.env.doc2path(docname))
-    known = [one.pk for one in cache.list_cache_records() if one.uri == path]
+    cache, page = get_cache(app.config.nb_execution_cache_path), read_page(app.env, docname)
+    record = page and cached(cache, page)
     found = {}
-    for cell in (cell for pk in known for cell in cache.get_cache_bundle(pk).nb.cells):
+    for cell in cache.get_cache_bundle(record.pk).nb.cells if record else ():
         for output in cell.get("outputs", ()):
             told = output.get("metadata", {}).get("image/png", {})
             if "narrow" in told:
