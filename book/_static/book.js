@@ -92,3 +92,10 @@ if (location.protocol === "file:" && typeof DOCUMENTATION_OPTIONS !== "undefined
 document.addEventListener("DOMContentLoaded", () => {
   document.querySelectorAll(".citation-list[role=list]").forEach((list) => list.removeAttribute("role"));
 });
+
+/* Figures change light and dark in the dark theme; what calls a thing black or white says so there. */
+document.addEventListener("DOMContentLoaded", () => {
+  for (const words of document.querySelectorAll("figcaption, .bd-article section > p")) {
+    if (/\b(black|white)\b/.test(words.innerText)) words.classList.add("names-shades");
+  }
+});
