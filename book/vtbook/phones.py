@@ -15,7 +15,8 @@ from matplotlib.text import Text
 
 WIDTH = 3.8  # inches, at 96 pixels to an inch what a page leaves of 390 pixels
 SMALLEST = 9.5  # points
-LOWEST, TALLEST = 1.5, 2.3  # inches, of a panel of curves with what is written around it
+LOWEST, TALLEST = {1: 2.1, 2: 1.5}, 2.3  # inches, of curves with what is written around them
+BESIDE = 24  # letters in a line of a label
 LETTERS = {1: 46, 2: 18, 4: 8}  # in the title of a panel, by the columns
 MANY = {True: (6,), False: (2, 8)}  # panels of curves, or maps: more have twice the columns
 Panels = dict[Axes, SubplotSpec]
@@ -69,7 +70,8 @@ def _label(panels: Panels, letters: int, change: Change) -> None:
                 )
                 change(show, axis.get_tick_params().get(side, True), True)
                 told = [getattr(one, f"get_{letter}label")() for one in [ax, *near]]
-                change(axis.set_label_text, told[0], next(filter(None, told), ""))
+                label = textwrap.fill(next(filter(None, told), ""), BESIDE)
+                change(axis.set_label_text, told[0], label)
         titles = [one.get_title("left") for one in [ax, *column]]
         title = textwrap.fill(next(filter(None, titles), ""), letters)
         change(ax.set_title, titles[0], title)
@@ -96,7 +98,7 @@ def _place(figure: Figure, panels: Panels, columns: int, lines: int, change: Cha
     wide, high = figure.get_size_inches()
     height = WIDTH / columns * (high / grid.nrows) / (wide / grid.ncols)
     if all(ax.get_aspect() == "auto" for ax in panels):
-        height = min(max(height, LOWEST), TALLEST)
+        height = min(max(height, LOWEST[columns]), TALLEST)
     change(figure.set_size_inches, (wide, high), (WIDTH, rows * height + 0.3 + 0.2 * lines))
     below = GridSpec(rows, columns, figure=figure)
     for index, (ax, place) in enumerate(panels.items()):
