@@ -41,7 +41,7 @@ help:
 	@sed -n '/^#   make/s/^#   //p' Makefile
 
 book: $(KERNELS)
-	@echo "==> Building the book: about 10 minutes the first time, seconds when little has changed."
+	@echo "==> Building the book: about 8 minutes the first time, seconds when little has changed."
 	@$(BIN)/python book/_ext/build.py $(if $(ONLINE),--online)
 
 # The book is built beside the other tests: one thread each, or they wait for each other.
