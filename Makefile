@@ -51,7 +51,7 @@ test: $(KERNELS)
 	@$(MAKE) --no-print-directory -j2 lint pytest
 
 pytest: $(KERNELS)
-	@$(BIN)/python -m pytest -n logical --dist loadgroup
+	@$(BIN)/python -m pytest -n logical --dist loadfile --no-loadscope-reorder
 
 lint: $(KERNELS)
 	@echo "==> Checking style, types and language: a minute the first time, then seconds."

@@ -31,29 +31,17 @@ FOREIGN = re.compile(r"^(?!file:|data:|blob:|http://127\.0\.0\.1[:/])")
 # Set to a folder of built pages to test those instead of building the book.
 BUILT = "VTLIB_BOOK_HTML"
 FIRST = "gw0"  # of the processes that share the tests; it starts the build
-LOG, STATUS = (ROOT / "_build" / f"test-build.{x}" for x in ("log", "status"))
+LOG, STATUS, GROUP = (ROOT / "_build" / f"test-build.{x}" for x in ("log", "status", "group"))
 BUILD_LIMIT = 1800  # seconds
 # Of this process; none where the system does not tell.
 CORES = sorted(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else []
 CELL = re.compile(r"```\{code-cell\} python3\n(?:---\n(.*?)\n---\n)?(.*?)```", re.DOTALL)
 
-_build: list[subprocess.Popen] = []
 
-
-@pytest.hookimpl(tryfirst=True)  # groups are read by what comes after
-def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Tests that ask for the book come last; a file's tests share a process, and its fixtures.
-
-    Those of single pages are shared by two processes.
-    """
-    wanted = [x for x in items if "build_faults" in getattr(x, "fixturenames", ())]
-    items.sort(key=wanted.__contains__)
-    for item in items if hasattr(config, "workerinput") else ():
-        file = item.nodeid.partition("::")[0]
-        page = getattr(item, "callspec", None) and item.callspec.params.get("name")
-        half = "first" if isinstance(page, str) and page < "g" else "last"
-        group = f"{file}, of the book's {half} pages" if item in wanted else file
-        item.add_marker(pytest.mark.xdist_group(group))
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Files with tests that ask for the book come last: a file's tests share a process."""
+    wanted = {x.path for x in items if "build_faults" in getattr(x, "fixturenames", ())}
+    items.sort(key=lambda item: item.path in wanted)
 
 
 def pytest_collection_finish(session: pytest.Session) -> None:
@@ -77,7 +65,9 @@ def start_build() -> None:
     shell = ["sh", "-c", '"$@"; echo $? > "$0"', str(STATUS), *command]
     with LOG.open("w") as out:
         # in a group of its own, which can be ended whole
-        _build.append(subprocess.Popen(shell, cwd=ROOT, stdout=out, stderr=out, process_group=0))
+        build = subprocess.Popen(shell, cwd=ROOT, stdout=out, stderr=out, process_group=0)
+    build.returncode = 0  # nobody waits for it here: other processes may
+    GROUP.write_text(str(build.pid))
 
 
 def pytest_runtest_setup() -> None:
@@ -86,14 +76,12 @@ def pytest_runtest_setup() -> None:
         os.sched_setaffinity(0, CORES)
 
 
-def pytest_sessionfinish(exitstatus: int) -> None:
+def pytest_sessionfinish(session: pytest.Session) -> None:
     """Leave no build behind when the tests stop early."""
-    for process in _build:
-        if exitstatus == pytest.ExitCode.INTERRUPTED:
-            with contextlib.suppress(ProcessLookupError):
-                os.killpg(process.pid, signal.SIGTERM)
-            process.wait()
-        process.poll()
+    if not hasattr(session.config, "workerinput") and GROUP.exists():
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(int(GROUP.read_text()), signal.SIGTERM)
+        GROUP.unlink()
 
 
 @pytest.fixture(scope="session")

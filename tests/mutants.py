@@ -140,11 +140,7 @@ FAULTS: dict[str, list[tuple[str, str]]] = {
         ("[below > 0] / below[below > 0]", "[below >= 0] / below"),
     ],
     "book/vtbook/likelihood": [
-        ("likelihoods(experiment) - 1e-6", "likelihoods(experiment) + 1e-6"),
         ("((doors - mean) / deviation) ** 2", "(doors - mean) ** 2 / deviation"),
-    ],
-    "book/vtbook/published": [
-        ("kept = self.iterations <= t", "kept = self.iterations < t"),
     ],
     "vtlib/experiments/run": [
         ('"each" if experiment.each else "mean"', '"mean"'),

@@ -2,7 +2,6 @@
 
 import json
 import re
-import subprocess
 from functools import cache
 from pathlib import Path
 from urllib.parse import unquote, urlsplit
@@ -112,12 +111,3 @@ def test_pages_with_code_offer_a_notebook_and_say_how_long_they_take(book):
             assert json.loads((path.parent / link).read_text(encoding="utf-8"))["cells"]
             note = soup(path).select_one(".page-note").text
             assert re.match(r"Takes (about a second|\d+ (seconds|minutes)) to run", note), path.name
-
-
-def test_the_build_leaves_nothing_for_git():
-    made = ["_build/html", "book/_static/vendor/fetched", ".venv"]
-    command = ["git", "check-ignore", *made]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
-    if done.returncode == 128:
-        pytest.skip("a downloaded archive: there is no git that could take notice")
-    assert done.stdout.split() == made

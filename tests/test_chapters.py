@@ -44,16 +44,6 @@ def test_the_reference_has_every_module_once(extension):
     assert sorted(listed) == [name for name in api.modules() if name != "vtlib"]
 
 
-def test_docstrings_become_what_sphinx_reads(extension):
-    lines = ["KL(q || p) of `mu`, lambda_ too (eq. 5.7).", "## Units"]
-    lines += ["| a | b |", "| --- | --- |", "| 1 | `x` |", "end"]
-    text = "\n".join(extension("api").converted(lines))
-    assert "KL(q \\|\\| p) of ``mu``, lambda\\_ too (eq. :eq:`eq-5-7`)." in text
-    assert "\n.. rubric:: Units\n" in text
-    assert "   * - a\n     - b\n   * - 1\n     - ``x``\n" in text
-    assert text.endswith("\nend\n")
-
-
 @pytest.mark.parametrize("page", [*RUNS, "rooms_likelihood"])
 def test_a_page_of_an_experiment_asks_answers_and_is_read_to_the_end(page):
     cells = re.compile(r"^```\{code-cell\}.*?^```$", re.DOTALL | re.MULTILINE)

@@ -1,7 +1,8 @@
 """Judge transfer as it comes on four kinds of tasks that the library does not know.
 
 ``python book/_ext/guide_runs.py`` computes what is missing under book/results/guide and stores it,
-one file for each task: it can be interrupted, and goes on where it was.
+one file for each task: it can be interrupted, and goes on where it was. With ``--check`` it
+computes everything again, stores nothing, and says what differs; tasks may be named.
 """
 
 from __future__ import annotations
@@ -20,8 +21,12 @@ from vtlib.baselines import DDQNSettings, FineTuning, MellowTDSettings
 from vtlib.experiments import store
 from vtlib.gym_runs import evaluate, solve, transfer
 from vtlib.qfunctions import MLP
+from vtlib.rng import generator
+from vtlib.stats import same_distribution_p
 
 RUNS, SEED = 20, 1  # fixed before any of the runs was looked at
+UNLEARNED = ("sources", "best source", "weights", "own")
+LEVEL = 1e-3  # below which a p value tells two distributions apart
 FOLDER = Path(__file__).resolve().parents[1] / "results" / "guide"
 
 
@@ -110,35 +115,37 @@ KINDS = {
 TUNING = MellowTDSettings(epsilon_steps=1, epsilon_start=0.02, minibatch=200)
 
 
-def solved(name: str, folder: Path, seed: int) -> torch.Tensor:
-    """Weights (S, d) of the sources of a kind, stored after they were learned."""
-    kind, path = KINDS[name], folder / f"{name}-sources"
-    if not store.exists(path):
-        began = time.perf_counter()
+TASKS = [f"{name}-{place}" for name in KINDS for place in ("sources", "within", "outside")]
+
+
+def solved(name: str, stored: store.Arrays | None) -> store.Arrays:
+    """Weights (S, d) of the sources of a kind, or those stored, and what they earn at home (S,)."""
+    kind = KINDS[name]
+    envs = [kind.make(x) for x in kind.sources]
+    if stored is None:
         half = MellowTDSettings(epsilon_steps=kind.solving // 2, minibatch=100)
-        envs = [kind.make(x) for x in kind.sources]
-        weights = solve(envs, kind.q, kind.solving, kind.solver or half, seed=seed).weights[:, 0]
-        own = evaluate(envs, kind.q, weights.unsqueeze(1), seed=seed).mean(1)
-        arrays = {"weights": weights.numpy(), "own": own.numpy()}
-        store.save(path, arrays, provenance(began, seed))
-    return torch.from_numpy(store.read(path)[0]["weights"])
+        weights = solve(envs, kind.q, kind.solving, kind.solver or half, seed=SEED).weights
+    else:
+        weights = torch.from_numpy(stored["weights"]).unsqueeze(1)
+    own = evaluate(envs, kind.q, weights, seed=SEED).mean(1)
+    return {"weights": weights[:, 0].numpy(), "own": own.numpy()}
 
 
-def judge(name: str, parameter: float, folder: Path, seed: int) -> store.Arrays:
+def judge(name: str, parameter: float, sources: torch.Tensor, runs: int) -> store.Arrays:
     """Returns (R,) of greedy play on fresh episodes, of each source and each way to learn."""
-    kind, sources = KINDS[name], solved(name, folder, seed)
-    envs = [kind.make(parameter) for _ in range(RUNS)]
+    kind = KINDS[name]
+    envs = [kind.make(parameter) for _ in range(runs)]
 
     def earned(weights: torch.Tensor) -> np.ndarray:
-        return evaluate(envs, kind.q, weights, seed=seed).mean(1).numpy()
+        return evaluate(envs, kind.q, weights, seed=SEED).mean(1).numpy()
 
-    alone = np.stack([earned(w.expand(RUNS, 1, -1)) for w in sources])
+    alone = np.stack([earned(w.expand(runs, 1, -1)) for w in sources])
     best = int(alone.mean(1).argmax())
     tuning = transfer(
-        envs, kind.q, sources[[best]], kind.learning, FineTuning(TUNING), trials=0, seed=seed
+        envs, kind.q, sources[[best]], kind.learning, FineTuning(TUNING), trials=0, seed=SEED
     )
-    ours = transfer(envs, kind.q, sources, kind.learning, seed=seed)
-    nothing = solve(envs, kind.q, kind.learning, seed=seed)
+    ours = transfer(envs, kind.q, sources, kind.learning, seed=SEED)
+    nothing = solve(envs, kind.q, kind.learning, seed=SEED)
     return {
         "sources": alone,
         "from nothing": earned(nothing.weights),
@@ -150,28 +157,78 @@ def judge(name: str, parameter: float, folder: Path, seed: int) -> store.Arrays:
     }
 
 
-def provenance(began: float, seed: int) -> store.Note:
-    """What is noted beside a result."""
-    return {"seed": seed, "seconds": time.perf_counter() - began, **store.machine()}
+def computed(task: str, folder: Path, runs: int = RUNS, again: bool = True) -> store.Arrays:
+    """The arrays of a task, of its first runs; its sources are solved again, or those stored."""
+    name, place = task.rsplit("-", 1)
+    path = folder / f"{name}-sources"
+    if place == "sources":
+        return solved(name, None if again else store.read(path)[0])
+    sources = torch.from_numpy(store.read(path)[0]["weights"])
+    return judge(name, getattr(KINDS[name], place), sources, runs)
+
+
+def differing(task: str, folder: Path, runs: int = RUNS) -> list[str]:
+    """Which stored arrays of a task are not those of its first runs, computed again.
+
+    On another processor rounding sends learning elsewhere. There sources are not solved again, what
+    is played without learning may differ by single episodes, and what was learned has to have the
+    distribution of what is stored.
+    """
+    stored, note = store.read(folder / task)
+    same = note["processor"] == store.machine()["processor"]
+    again = computed(task, folder, runs, again=same)
+    return sorted(stored.keys() ^ again.keys()) + [
+        key
+        for key in sorted(stored.keys() & again.keys())
+        if not alike(key, stored[key][..., : again[key].shape[-1]], again[key], same)
+    ]
+
+
+def alike(key: str, stored: np.ndarray, again: np.ndarray, same: bool) -> bool:
+    """Whether an array is the stored one, as far as rounding lets it be."""
+    if stored.shape != again.shape or stored.dtype != again.dtype:
+        return False
+    rounding = 1e-3 * (stored.dtype.kind == "f")
+    close = np.isclose(stored, again, rounding, rounding)
+    if same or key in UNLEARNED:
+        return bool(close.all() if same else close.mean() >= 0.75)
+    rng = generator(f"guide {key}", 0, "comparison")
+    return same_distribution_p(stored.astype(float), again.astype(float), rng) > LEVEL
 
 
 def main() -> None:
-    """Compute and store what is missing."""
+    """Compute and store what is missing, or check what is stored."""
     parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("tasks", nargs="*", metavar="TASK", help="such as windy-grid-within")
     parser.add_argument("--folder", type=Path, default=FOLDER)
-    parser.add_argument("--seed", type=int, default=SEED)
+    parser.add_argument("--check", action="store_true", help="compute again and compare")
     options = parser.parse_args()
+    if unknown := set(options.tasks).difference(TASKS):
+        parser.error(f"{unknown.pop()} is none of {', '.join(TASKS)}")
     torch.set_num_threads(1)
-    store.check_writable(options.folder)
-    for name, kind in KINDS.items():
-        for place in ("within", "outside"):
-            path = options.folder / f"{name}-{place}"
-            if store.exists(path):
-                continue
-            began = time.perf_counter()
-            arrays = judge(name, getattr(kind, place), options.folder, options.seed)
-            store.save(path, arrays, provenance(began, options.seed))
-            print(f"{path.name}: {time.perf_counter() - began:.0f} s", flush=True)
+    (check if options.check else complete)(options.tasks or TASKS, options.folder)
+
+
+def complete(tasks: list[str], folder: Path) -> None:
+    """Compute and store what is missing."""
+    store.check_writable(folder)
+    for task in tasks:
+        if store.exists(folder / task):
+            continue
+        began = time.perf_counter()
+        arrays, seconds = computed(task, folder), time.perf_counter() - began
+        store.save(folder / task, arrays, {"seed": SEED, "seconds": seconds, **store.machine()})
+        print(f"{task}: {seconds:.0f} s", flush=True)
+
+
+def check(tasks: list[str], folder: Path) -> None:
+    """Say of each task whether it is stored as it is computed again; exit code 1 if one is not."""
+    bad = 0
+    for task in tasks:
+        found = differing(task, folder)
+        bad += bool(found)
+        print(f"{task}: {'DIFFERENT in ' + ', '.join(found) if found else 'as stored'}", flush=True)
+    raise SystemExit(min(bad, 1))
 
 
 if __name__ == "__main__":

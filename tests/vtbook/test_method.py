@@ -108,16 +108,6 @@ def test_sampled_kl_agrees_with_quadrature_and_the_bound_lies_above(method):
     assert (method.bounds >= exact).all()
 
 
-def test_mass_is_the_density_times_the_area_of_small_cells(method):
-    x, y = (torch.linspace(-1, end, 201, dtype=torch.float64) for end in (1, 2))
-    middles = [(edges[1:] + edges[:-1]) / 2 for edges in (x, y)]
-    at = torch.stack(torch.meshgrid(*middles, indexing="xy"), -1).unsqueeze(-2)
-    kernels = MultivariateNormal(SOURCES[:, :2], 0.64 * torch.eye(2).double())
-    cells = method.mass(SOURCES[:, :2], 0.8, x, y)
-    expected = kernels.log_prob(at).exp().mean(-1) * 0.01 * 0.015
-    assert_close(cells, expected, rtol=1e-3, atol=0)
-
-
 def test_held_out_densities_use_only_the_others(method):
     logs, eye = [], torch.eye(6).double()
     for k, w in enumerate(SOURCES):
