@@ -5,6 +5,7 @@ import pytest
 from attrs import evolve
 
 from vtbook.experiments.compared import BUDGET, ENVIRONMENTS, SPACES, candidate
+from vtbook.experiments.factorial import FACTORIAL, PARTS, ROOMS, effects
 from vtlib.experiments.run import run_batch, targets
 from vtlib.experiments.store import weights
 from vtlib.training import Diverged
@@ -40,3 +41,10 @@ def test_tasks_of_tuning_and_of_judgement_differ(e):
     told = values(targets(judged, range(judged.runs)))
     for name, tuned in values(targets(tuning, range(tuning.runs))).items():
         assert np.ptp(told[name]) == 0 or not np.isin(tuned, told[name]).all()
+
+
+def test_a_part_is_what_its_combinations_earn_beyond_those_without():
+    found = {part: effects(part) for part in PARTS}
+    assert [len(x) for x in found.values()] == [10, 10, 6, 12, 12, 15]
+    three, one = (ROOMS.earned(FACTORIAL, f"mean, full {count}, max") for count in (3, 1))
+    assert (found["three components, not one"] == three - one).all(1).sum() == 1

@@ -10,6 +10,7 @@ from vtbook.neighbours.hierarchical import HierarchicalSettings
 from vtbook.neighbours.ivon import IVONSettings
 from vtbook.neighbours.langevin import LangevinSettings
 from vtbook.neighbours.regression import RegressionSettings
+from vtbook.neighbours.unstarted import UnstartedSettings
 
 __all__ = [
     "DriftingSettings",
@@ -18,4 +19,5 @@ __all__ = [
     "IVONSettings",
     "LangevinSettings",
     "RegressionSettings",
+    "UnstartedSettings",
 ]

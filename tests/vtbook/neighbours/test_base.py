@@ -16,6 +16,7 @@ KINDS = [
     neighbours.IVONSettings(lambda_=1e-3, n_samples=2),
     neighbours.RegressionSettings(every=3),
     neighbours.HierarchicalSettings(family="gaussian", n_samples=2),
+    neighbours.UnstartedSettings(components=2, n_samples=2),
 ]
 
 
