@@ -38,7 +38,7 @@ BY_KIND = [
     ("every recent updates", COUNT),
     ("alpha alpha_mu alpha_L kappa bandwidth sigma_p2 sigma_min jitter h0 noise", POSITIVE),
     ("clip kl_clip", POSITIVE[1:]),
-    ("lambda_ bias prior_scale", NEGATIVE),
+    ("lambda_ bias prior_scale scale", NEGATIVE),
     ("psi epsilon_start epsilon_end", SHARE),
     ("gamma beta1 beta2", [*SHARE, 1]),
     ("family init act covariance kl prior start responsibilities", WORD),
