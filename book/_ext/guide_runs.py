@@ -113,8 +113,6 @@ KINDS = {
     ),
 }
 TUNING = MellowTDSettings(epsilon_steps=1, epsilon_start=0.02, minibatch=200)
-
-
 TASKS = [f"{name}-{place}" for name in KINDS for place in ("sources", "within", "outside")]
 
 
@@ -171,8 +169,8 @@ def differing(task: str, folder: Path, runs: int = RUNS) -> list[str]:
     """Which stored arrays of a task are not those of its first runs, computed again.
 
     On another processor rounding sends learning elsewhere. There sources are not solved again, what
-    is played without learning may differ by single episodes, and what was learned has to have the
-    distribution of what is stored.
+    is played without learning may differ in one of twenty numbers, and what was learned has to have
+    the distribution of what is stored.
     """
     stored, note = store.read(folder / task)
     same = note["processor"] == store.machine()["processor"]
@@ -191,7 +189,7 @@ def alike(key: str, stored: np.ndarray, again: np.ndarray, same: bool) -> bool:
     rounding = 1e-3 * (stored.dtype.kind == "f")
     close = np.isclose(stored, again, rounding, rounding)
     if same or key in UNLEARNED:
-        return bool(close.all() if same else close.mean() >= 0.75)
+        return bool(close.mean() >= (1 if same else 0.95))
     rng = generator(f"guide {key}", 0, "comparison")
     return same_distribution_p(stored.astype(float), again.astype(float), rng) > LEVEL
 
@@ -223,12 +221,12 @@ def complete(tasks: list[str], folder: Path) -> None:
 
 def check(tasks: list[str], folder: Path) -> None:
     """Say of each task whether it is stored as it is computed again; exit code 1 if one is not."""
-    bad = 0
+    bad = False
     for task in tasks:
         found = differing(task, folder)
-        bad += bool(found)
+        bad |= bool(found)
         print(f"{task}: {'DIFFERENT in ' + ', '.join(found) if found else 'as stored'}", flush=True)
-    raise SystemExit(min(bad, 1))
+    raise SystemExit(int(bad))
 
 
 if __name__ == "__main__":

@@ -34,11 +34,6 @@ PARTS = {
 }
 
 
-def cell(start: str, posterior: str, operator: str) -> str:
-    """The name of a combination."""
-    return f"{start}, {posterior}, {operator}"
-
-
 def algorithm(start: str, posterior: str, operator: str) -> Algorithm:
     """The algorithm of a combination."""
     tuned = ROOMS.judged().algorithms["1-MGVT"]
@@ -68,7 +63,7 @@ FACTORIAL = evolve(
     name=NAME,
     stream=NAME,
     algorithms={
-        cell(*one): algorithm(*one) for one in itertools.product(STARTS, POSTERIORS, OPERATORS)
+        ", ".join(one): algorithm(*one) for one in itertools.product(STARTS, POSTERIORS, OPERATORS)
     },
     runs=RUNS,
 )
