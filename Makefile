@@ -86,7 +86,7 @@ reproduce: $(KERNELS)
 	fi; exit $$code
 
 # The library alone: the book's tools are pinned. What is deprecated there is no error here.
-OF_THE_BOOK := $(addprefix tests/test_,$(addsuffix .py,assets book browser chapters notebooks))
+OF_THE_BOOK := $(addprefix tests/test_,$(addsuffix .py,assets book browser chapters notebooks pages))
 oldest newest: OTHER = _build/venv-$@
 oldest newest: export OMP_NUM_THREADS := 1
 oldest newest:

@@ -166,6 +166,13 @@ def book(build_faults: list[str]) -> Path:
 
 
 @pytest.fixture(scope="session")
+def vendored(book):
+    """Skip what needs the browser scripts where the build could not fetch them and has said so."""
+    if not (book / "_static" / "vendor" / "fetched").exists():
+        pytest.skip("browser scripts could not be fetched: pages load them from public servers")
+
+
+@pytest.fixture(scope="session")
 def address(book: Path):
     """Address of the book on a local web server, without a slash at the end."""
 

@@ -113,9 +113,8 @@ def arrays(root: Path) -> dict[str, bytes]:
 
 def test_killed_while_a_file_is_put_in_place_the_same_command_goes_on(tmp_path, complete):
     root = tmp_path / "results"
-    # of a batch of sources or of targets, of their joined pool, of a run, of a joined result
-    parts = "parts/few parts/tiny/tasks few/sources.json parts/tiny/GVT tiny/DDQN.json"
-    for part in parts.split():
+    # each waits for the one before, so that none is in its place when its turn comes
+    for part in ["parts/few", "few/sources.json", "parts/tiny/GVT", "tiny/GVT.json"]:
         killed = Command(tmp_path, "run", KILL_AT=part)
         killed.process.communicate()
         assert killed.process.returncode == -signal.SIGKILL

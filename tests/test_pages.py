@@ -1,0 +1,126 @@
+"""Every page of the built book in a browser: no third party, typeset, readable on any screen."""
+
+import importlib.resources
+import itertools
+import re
+from pathlib import Path
+
+import pytest
+
+SOURCES = Path(__file__).resolve().parents[1] / "book"
+
+
+@pytest.fixture(scope="module", params=sorted(path.stem for path in SOURCES.glob("*.md")))
+def name(request):
+    return request.param
+
+
+@pytest.fixture(scope="module")
+def opened(vendored, book, watched, name):
+    """That page, opened once from disk for all that is asked of it, and typeset."""
+    with watched() as page:
+        page.goto(f"{book.as_uri()}/book/{name}.html", wait_until="load")
+        page.wait_for_function(
+            "[...document.querySelectorAll('span.math, div.math')]"
+            ".every(each => each.querySelector('mjx-container'))"
+        )
+        yield page
+
+
+THEME = "theme => { document.documentElement.dataset.theme = theme }"
+NAMED = "least => document.querySelectorAll('.noUi-handle[aria-label]').length >= least"
+ANOTHER_PICTURE = """([panel, shown]) => {
+  const seen = [...panel.querySelectorAll('img')].filter(one => one.offsetParent);
+  return seen.length === 1 && !shown.includes(seen[0].alt) && seen[0].alt;
+}"""
+
+
+def test_a_page_asks_no_third_party_is_typeset_and_its_figures_move(opened, name):
+    source = (SOURCES / f"{name}.md").read_text(encoding="utf-8")
+    movable = len(re.findall(r"^(?:widgets\.)?(?:still|setting)_sliders\(", source, re.MULTILINE))
+    assert opened.locator("mjx-merror").count() == 0
+    opened.wait_for_function(NAMED, arg=movable)
+    panels = opened.locator(".widget-subarea:has(.noUi-handle)").all()
+    assert len(panels) == movable
+    for panel in panels:
+        for handle in panel.locator(".noUi-handle").all():
+            assert handle.get_attribute("aria-label") not in (None, "", "null")
+            shown, told = [], set()
+            # a slider of the mazes has two values
+            for key in ("Home", "End", "ArrowLeft")[: 2 if name == "mazes" else 3]:
+                handle.press(key)
+                found = opened.wait_for_function(
+                    ANOTHER_PICTURE, arg=[panel.element_handle(), shown]
+                )
+                shown.append(found.json_value())
+                told.add(handle.get_attribute("aria-valuetext"))
+            assert len(told) == len(shown)
+    assert not opened.foreign
+    assert not opened.faults
+
+
+# Tables and figures that end beyond their column, unless a box around them scrolls (for a figure on
+# a telephone only), and text that its box cuts off.
+HIDDEN = """() => {
+  const column = document.querySelector('.bd-article'), said = one => one.outerHTML.slice(0, 100);
+  const cuts = overflow => ['hidden', 'clip'].includes(overflow);
+  const beyond = one => {
+    const mayScroll = innerWidth <= 600 || !one.matches('figure, img');
+    for (let box = one.parentElement; box !== column.parentElement; box = box.parentElement) {
+      const { overflowX } = getComputedStyle(box);
+      if (mayScroll && ['auto', 'scroll'].includes(overflowX)) one = box;
+      const [end, most] = [one, box].map(each => each.getBoundingClientRect().right);
+      if ((box === column || cuts(overflowX)) && end > most + 1) return true;
+    }
+  };
+  const clipped = one => {
+    const { overflowX, overflowY } = getComputedStyle(one);
+    return one.innerText?.trim() && !one.closest('.math')  // which holds a copy to be spoken
+      && (cuts(overflowX) && one.scrollWidth > one.clientWidth + 1
+        || cuts(overflowY) && one.scrollHeight > one.clientHeight + 1);
+  };
+  const shown = what => [...column.querySelectorAll(what)].filter(one => one.checkVisibility());
+  return [
+    ...shown('table, figure, img').filter(beyond).map(one => 'beyond: ' + said(one)),
+    ...shown('*').filter(clipped).map(one => 'clipped: ' + said(one)),
+  ];
+}"""
+
+
+def test_nothing_is_wider_than_the_page(opened):
+    for theme, width in itertools.product(("light", "dark"), (1280, 768, 390)):
+        opened.evaluate(THEME, theme)
+        opened.set_viewport_size({"width": width, "height": 844})
+        opened.wait_for_timeout(100)
+        excess = opened.evaluate("document.scrollingElement.scrollWidth - innerWidth")
+        assert excess <= 0, f"{excess} px wider than a {theme} screen of {width} px"
+        assert opened.evaluate(HIDDEN) == [], f"hidden on a {theme} screen of {width} px"
+
+
+AXE = importlib.resources.files("axe_playwright_python") / "axe.min.js"
+FINDINGS = """async ([where, only]) => {
+  const found = await axe.run(where, {resultTypes: ["violations"], ...only});
+  return found.violations.filter(one => ["serious", "critical"].includes(one.impact))
+    .map(one => `${one.id} (${one.nodes.length}): ${one.nodes[0].html.slice(0, 200)}`);
+}"""
+# colours fade over, and a busy machine takes its time; what is cut short, or hangs, counts as done
+FADED = """
+() => Promise.race([
+  new Promise(done => setTimeout(done, 1000)),
+  Promise.all(document.getAnimations()
+    .filter(one => one.effect.getComputedTiming().endTime < Infinity)
+    .map(one => one.finished.catch(() => null))),
+]).then(() => null)
+"""
+
+
+def test_no_serious_barrier_to_reading(opened, name):
+    # formulas and coloured code, whose thousands of parts take longest, are alike on all pages
+    skipped = [] if name == "method" else ["mjx-container", ".highlight"]
+    where = {"include": ["html"], "exclude": skipped}
+    opened.set_viewport_size({"width": 1280, "height": 900})
+    opened.evaluate(AXE.read_text(encoding="utf-8"))
+    for theme, only in (("light", {}), ("dark", {"runOnly": ["color-contrast"]})):
+        opened.evaluate(THEME, theme)
+        opened.evaluate(FADED)
+        assert opened.evaluate(FINDINGS, [where, only]) == [], theme
