@@ -6,6 +6,7 @@ import functools
 from collections.abc import Callable, Mapping, Sequence
 
 from ipywidgets import VBox
+from matplotlib.transforms import Bbox
 from xarray import Dataset
 
 from vtbook import widgets
@@ -43,7 +44,7 @@ def setting_sliders(
         numbers = [(f"{n}", n) for n in counts]
         axes.append(widgets.Axis("sources", "number of sources", numbers, len(counts) - 1))
 
-    beside = functools.cache(references)
+    beside, places = functools.cache(references), list[Bbox]()
 
     @functools.cache
     def stored(setting: Setting, count: tuple[int, ...]) -> Runs:
@@ -55,7 +56,7 @@ def setting_sliders(
         setting, usual = (lambda_, psi, posterior), (own.lambda_, own.psi, posterior)
         mine, theirs = stored(setting, count), stored(usual, count)
         words = setting_words(setting, usual, mine, theirs)
-        drawn = setting_picture(beside(*count), mine, setting, grid.family.limits)
+        drawn = setting_picture(beside(*count), mine, setting, grid.family.limits, places)
         return f"{drawn}<p>{words}</p>"
 
     return widgets.still_sliders(axes, picture)
@@ -101,8 +102,9 @@ def setting_picture(
     mine: Runs,
     setting: Setting,
     limits: tuple[float, float],
+    places: list[Bbox],
 ) -> str:
-    """Learning returns with a setting over those of references, as an HTML picture."""
+    """Learning returns with a setting over those of references, as an HTML picture of a series."""
     (lambda_, psi, posterior), stored = setting, mine.stored
     runs = {label: first_runs(other, stored) for label, other in references.items()}
     end = float(stored.learning[:, -1].mean())
@@ -110,7 +112,7 @@ def setting_picture(
     title = f"λ = {power_of_ten(lambda_)}, ψ = {psi:g}, {posterior}"
     with look():
         figure = returns_figure({**runs, posterior: stored}, limits, LEARNING, title, NARROW)
-        return image_html(small_png(figure, 32), f"{alt}final learning return {end:.2f}.")
+        return image_html(small_png(figure, 32, places), f"{alt}final learning return {end:.2f}.")
 
 
 def first_runs(runs: Dataset, other: Dataset) -> Dataset:

@@ -67,6 +67,8 @@ def test_a_run_in_cpp_is_the_engines(algorithm, family):
         assert np.median(apart) < 1e-4
         expected = fingerprint(agent, episodes)[0]
         np.testing.assert_allclose(alone.fingerprint, expected, 1e-3, 1e-3)
+        if isinstance(algorithm, Settings):
+            np.testing.assert_allclose(np.linalg.norm(alone.L), agent.scale_tril[0, 0].norm(), 1e-3)
 
 
 @settings(max_examples=25, deadline=None)

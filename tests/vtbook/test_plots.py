@@ -87,6 +87,10 @@ def test_a_figure_draws_each_kind_of_return_with_its_band_and_the_optimum_dashed
         assert ax.get_ylim() == (-0.02, 0.9)
     (legend,) = figure.legends
     assert {x.get_text() for x in legend.get_texts()} > {"NT", "GVT"}
+    plots.small_png(figure)
+    legend.get_texts()[0].set_text("a name as long as the figure is wide " * 3)
+    with pytest.raises(ValueError, match="cut off"):
+        plots.small_png(figure)
 
 
 def published(seed):

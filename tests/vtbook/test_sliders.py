@@ -92,7 +92,9 @@ def test_a_setting_stands_beside_the_same_runs_of_the_references(monkeypatch):
     figure = Mock(wraps=sliders.returns_figure)
     monkeypatch.setattr(sliders, "returns_figure", figure)
     many, mine = runs(0.5, count=9, times=8), Runs(runs(0.3))
-    sliders.setting_picture({"NT": many}, mine, (1e-4, 0.5, "2-MGVT"), (0, 1))
+    asked = {"NT": many}, mine, (1e-4, 0.5, "2-MGVT"), (0, 1), []
+    # a picture that is not the first of its series is laid out like it
+    assert sliders.setting_picture(*asked) == sliders.setting_picture(*asked)
     drawn = figure.call_args.args[0]
     assert list(drawn) == ["NT", "2-MGVT"]
     np.testing.assert_array_equal(drawn["NT"].greedy, many.greedy[:4, :3])

@@ -95,7 +95,8 @@ class NativeRun:
     """One run in the kernel's memory, on the task in a row of a batch.
 
     given: sources (S, d) if the algorithm transfers, else first weights (d,). mu (C, d) are the
-    present means. Random numbers are those of a run of an experiment, by their names.
+    present means, L the entries of the first factor in the kernel's order. Random numbers are those
+    of a run of an experiment, by their names.
     """
 
     def __init__(
@@ -156,6 +157,8 @@ class NativeRun:
         self.mu = rows(MOST_COMPONENTS)
         rows(2 * MOST_COMPONENTS)
         self._sources, self._W = rows(MOST_SOURCES), rows(MOST_SOURCES)
+        rows(MOST_SOURCES)
+        self.L = self._memory[at : at + 4 * kernels().posterior_size(self._d)].view(np.float32)
 
     def _set(self, given: Tensor, parameters: list[float]) -> np.ndarray:
         """Hand over all that a run begins with, but the factors L (C, d, d), which are returned."""
