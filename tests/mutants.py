@@ -1,7 +1,4 @@
-"""Single-line faults, which the tests have to find, one at a time: python tests/mutants.py
-
-On demand, for it takes an hour. Names may be given to try only some files.
-"""
+"""Single-line faults, one at a time, for the tests to find: python tests/mutants.py [FILE...]"""
 
 from __future__ import annotations
 

@@ -5,7 +5,7 @@ import pytest
 from vtbook.experiments.cartpole import CARTPOLE
 from vtbook.experiments.grids import POSTERIORS, PSIS, slider_lambdas
 from vtbook.experiments.maze import MAIN, MAZE_LAMBDAS, MAZE_POSTERIORS, MAZE_PSIS, MAZE_TARGETS
-from vtbook.experiments.mountain_car import CAR, CAR_LAMBDAS
+from vtbook.experiments.mountain_car import CAR
 from vtbook.experiments.protocols import transfer_settings
 from vtbook.experiments.rooms import ROOMS_EXPLORATION, ROOMS_LAMBDAS
 
@@ -43,6 +43,7 @@ def test_search_finds_a_word_of_the_text(visits, page):
         assert not page.foreign
 
 
+CAR_LAMBDAS = slider_lambdas(transfer_settings(CAR.published, "1-MGVT"))
 # Of each environment a page: its experiment, the values of lambda, and the first and the last
 # iterations of a slider over them, on a panel of its own.
 SETTINGS = {

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import re
 from base64 import b64encode
 from collections.abc import Mapping
 from functools import partial
@@ -105,10 +106,11 @@ def _drawn(figure: Figure) -> Image.Image:
 
 def check_inside(figure: Figure) -> None:
     """Raise ValueError where a drawn figure's edge cuts off a text or a legend."""
+    width, height = figure.bbox.width + 2, figure.bbox.height + 2
     texts = [x for ax in figure.axes for x in ax.get_children() if isinstance(x, Text)]
     for one in (*figure.texts, *texts, *figure.findobj(Legend)):
         box = one.get_window_extent()
-        if box.width and (box.x0 < -2 or box.x1 > figure.bbox.width + 2):
+        if box.width and not (-2 <= box.x0 < box.x1 <= width and -2 <= box.y0 < box.y1 <= height):
             said = ", ".join(x.get_text() for x in one.findobj() if isinstance(x, Text))
             raise ValueError(f"cut off at the edge of its figure: {said}")
 
@@ -154,6 +156,7 @@ def draw_ends(ax: Axes, curves: list[Curve]) -> None:
         at = np.full(len(one.returns), last * (1 + 0.03 * place))
         ax.plot(at, one.returns[:, -1], ".", color=one.colour, alpha=0.5, **dot)
     ax.set_xlim(0, last * (1 + 0.03 * (len(curves) + 1)))
+    ax.xaxis.set_major_formatter(lambda x, _: f"{x / 1000:g}" if x <= last else "")
 
 
 def learning_figure(
@@ -216,7 +219,9 @@ def draw_over_published(
         ax.plot(at, values.T, color=COLOURS[label], lw=0.4, alpha=0.3)
         solved = int(np.isfinite(steps_to_solve(stored, floor)).sum())
         words = f"{solved} of {len(values)} solved"
-        ax.annotate(words, (0.97, 0.06), xycoords="axes fraction", ha="right", size=8)
+        # legible where curves cross it
+        paper = {"fc": "white", "ec": "none", "alpha": 0.8, "pad": 1}
+        ax.text(0.97, 0.06, words, ha="right", size=8, bbox=paper, transform=ax.transAxes)
     ax.fill_between(theirs.iterations, theirs.low, theirs.high, color=PUBLISHED, alpha=0.4, lw=0)
     ax.plot(theirs.iterations, theirs.mean, color="black", lw=0.9)
     draw_curves(ax, [Curve(label, at, values, COLOURS[label])], float(stored.optimum.mean()))
@@ -266,7 +271,7 @@ def intervals_figure(
                 ax.plot(one.centre, y, "o", color=colours[name], ms=5)
             first = next(iter(group.values()))
             ax.axvline(float(first.centre), color=colours[name], lw=0.8, ls=":")
-            ax.set_yticks(range(len(group)), list(group))
+            ax.set_yticks(range(len(group)), [_spelled(x) for x in group])
             ax.invert_yaxis()
             ax.set_title(name)
             ax.set_xlabel(xlabel)
@@ -282,6 +287,12 @@ def power_of_ten(value: float) -> str:
     """A power of ten with its exponent raised, such as 10⁻⁶."""
     exponent = str(round(np.log10(value)))
     return "10" + exponent.translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
+
+
+def _spelled(name: str) -> str:
+    """The name of a variant with its numbers as they are written, such as λ = 10⁻⁴."""
+    name = name.replace("lambda 1e", "λ = 1e")
+    return re.sub(r"1e-\d+", lambda found: power_of_ten(float(found[0])), name)
 
 
 def small_png(figure: Figure, colours: int = 64, places: list[Bbox] | None = None) -> bytes:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from attrs import evolve
 
-from vtbook.experiments.grids import slider_lambdas, sliders_of
+from vtbook.experiments.grids import sliders_of
 from vtbook.experiments.protocols import (
     Protocols,
     as_published,
@@ -94,8 +94,7 @@ CAR_LAST_REWARD = evolve(
     iterations=20_000,
     each=True,
 )
-CAR_LAMBDAS = slider_lambdas(MGVT)[::2]  # fewer than elsewhere: these are the longest runs
-CAR_SLIDERS = sliders_of(CAR.published, "mountain-car-sliders", 10, 2_000, CAR_LAMBDAS)
+CAR_SLIDERS = sliders_of(CAR.published, "mountain-car-sliders", 10, 2_000)
 
 EXPERIMENTS = (
     *CAR,
