@@ -10,17 +10,17 @@ from collections.abc import Iterator
 import torch
 from torch import Tensor
 
+from vtlib.envs.episodes import Episodes
 from vtlib.priors import Gaussian, kl, kl_bound, pairwise_kl, responsibilities
 from vtlib.qfunctions import QFunction
 from vtlib.replay import ReplayBuffer
 from vtlib.rng import Rng
 from vtlib.td import td_error
-from vtlib.training import Stepper
 from vtlib.transfer import Settings
 
 
 def algorithm1(
-    q: QFunction, sources: Tensor, s: Settings, episodes: Stepper, rng: Rng
+    q: QFunction, sources: Tensor, s: Settings, episodes: Episodes, rng: Rng
 ) -> Iterator[Gaussian]:
     """Learn the task of some episodes from sources (S, d); yields mu (C, d) and L (C, d, d).
 

@@ -113,11 +113,11 @@ def transfer(
 ) -> Learned:
     """Learn each environment with a prior from solved sources (S, d): Algorithm 1, made safe.
 
-    Each source first plays ``trials`` greedy episodes; the best come first, where components
-    start. In the end the posterior's means play as many, and are kept where they earn more than
-    the best source by at least the standard error of the difference. Without settings they are
-    those of ``Recommended``. With trials = 0 there are no such precautions. Raises as ``solve``,
-    also for sources that are missing, not finite or not of the Q-function's shape.
+    Each source first plays ``trials`` greedy episodes; the best come first, where components start.
+    In the end the posterior's means play as many, and are kept where they earn at least the
+    standard error of the difference more than the best source. Without settings they are those of
+    ``Recommended``. With trials = 0 there are no such precautions. Raises as ``solve``, also for
+    sources that are missing, not finite or not of the Q-function's shape.
     """
     check_whole("iterations", iterations)
     check_whole("trials", trials, 0)
@@ -220,11 +220,13 @@ def _episodes(envs: Sequence[gymnasium.Env], q: QFunction, name: str, gamma: flo
     limit, runs = np.iinfo(np.int32).max, range(len(envs))
     seeds = [int(generator(name, run, "environment").integers(limit)) for run in runs]
     episodes = GymEpisodes(envs, seeds, gamma)
-    if q.n_actions != episodes.n_actions:
-        raise ValueError(
-            f"the Q-function must have the environments' {episodes.n_actions} actions, "
-            f"got {q.n_actions}"
-        )
+    try:
+        values = q.q(torch.zeros(1, 1, q.d), q.prepare(episodes.obs[:1].unsqueeze(1)))
+    except (RuntimeError, ValueError) as error:
+        raise ValueError(f"the Q-function cannot value an observation: {error}") from error
+    if not values.shape[2] == q.n_actions == episodes.n_actions:
+        found = f"{episodes.n_actions} actions, got {q.n_actions} and {values.shape[2]} values"
+        raise ValueError(f"the Q-function must have the environments' {found}")
     return episodes
 
 

@@ -9,6 +9,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from vtlib.envs.episodes import Episodes, GymEpisodes
 from vtlib.replay import Transition
 
 FINGERPRINTS = (1, 49, 199)  # not at the end of an episode, where all runs look alike
@@ -27,26 +28,6 @@ class Agent(Protocol):
         """Take in one transition of each run."""
 
 
-class Returns(Protocol):
-    """Returns of the last finished episodes."""
-
-    def mean(self) -> Tensor:
-        """Their mean (R,)."""
-
-
-class Stepper(Protocol):
-    """Episodes in lock-step, as in ``vtlib.envs.episodes``."""
-
-    obs: Tensor
-    fresh: Tensor
-
-    @property
-    def returns(self) -> Returns: ...
-
-    def step(self, action: Tensor) -> Transition:
-        """Apply actions (R,)."""
-
-
 class Diverged(RuntimeError):
     """Raised when a run's weights are no longer finite; the message names the run."""
 
@@ -61,7 +42,7 @@ class Curves:
     fingerprints: np.ndarray
 
 
-def iterate(agent: Agent, episodes: Stepper) -> Iterator[int]:
+def iterate(agent: Agent, episodes: Episodes | GymEpisodes) -> Iterator[int]:
     """The loop that everything here runs: act, step, learn; yields the iterations done, for ever.
 
     An iteration is one environment step followed by one gradient step.
@@ -73,7 +54,7 @@ def iterate(agent: Agent, episodes: Stepper) -> Iterator[int]:
 
 def train(
     agent: Agent,
-    episodes: Stepper,
+    episodes: Episodes | GymEpisodes,
     evaluate: Callable[[Tensor], Tensor],
     iterations: int,
     every: int,
@@ -105,7 +86,7 @@ def train(
     )
 
 
-def fingerprint(agent: Agent, episodes: Stepper) -> np.ndarray:
+def fingerprint(agent: Agent, episodes: Episodes | GymEpisodes) -> np.ndarray:
     """Four numbers (R, 4) that any change of a run's course would change."""
     mu = agent.mu.detach().cpu().double().flatten(1)
     parts = [mu.sum(1), mu.square().sum(1), episodes.obs.double().sum(1)]

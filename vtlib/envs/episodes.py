@@ -140,6 +140,8 @@ class GymEpisodes:
             # copied: an environment may hand out one array again and again
             after.append(np.array(obs, np.float32))
             reward.append(float(r))
+            if not np.isfinite([reward[-1], *after[-1]]).all():
+                raise ValueError(f"not finite: {env} gave a reward of {r} and observation {obs}")
             ended.append(bool(terminated))
             over.append(bool(terminated or truncated))
             current.append(env.reset()[0] if over[-1] else obs)

@@ -5,18 +5,12 @@ from math import ceil
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from attrs import evolve, frozen
 
 from vtlib.experiments import store
 from vtlib.experiments.experiment import SOURCES, Experiment, Pool
 from vtlib.experiments.schedule import complete
-from vtlib.experiments.whole import compare_runs, count_of
-from vtlib.rng import generator
-from vtlib.stats import same_distribution_p
-
-LEVEL = 0.01  # how often a report may call runs different that are not, whatever it compares
-DRAWS = 1_000_000  # where 10,000 leave it open whether a p value is below a level
+from vtlib.experiments.whole import EARNED, LEVEL, compare_runs, count_of, together
 
 
 @frozen
@@ -83,26 +77,15 @@ def compare(
     if not whole.parted:
         same = store.same_arrays({k: old[0][k][: len(anew[k])] for k in anew}, anew)
         return Comparison(*about, "identical" if same else "equal up to rounding")
-    means, p, parted = [], [], list(whole.parted)
-    keys = ("greedy",) if label == SOURCES else ("learning", "greedy")
-    for key in keys:
-        a, b = (np.asarray(x[key], float)[parted].reshape(len(parted), -1) for x in (old[0], anew))
-        means.append(f"{key} {a.mean():.4f} stored, {b.mean():.4f} anew")
-        p.append(len(keys) * _p_value(a.mean(1), b.mean(1), f"{owner.name}/{label}/{key}"))
+    parted = list(whole.parted)
+    keys = ("greedy",) if label == SOURCES else EARNED
+    before, after = ({key: x[key][parted] for key in keys} for x in (old[0], anew))
+    said, p, lowest = together(before, after, keys, f"{owner.name}/{label}")
     verdict = (
         f"{len(whole.alike)} of {len(members)} alike, the others up to iteration "
-        f"{min(whole.parted.values()):,} or more, and then {'; '.join(means)}"
+        f"{min(whole.parted.values()):,} or more, and then {said}"
     )
-    lowest = len(keys) * 2.0 ** (1 - len(parted))
-    return Comparison(*about, verdict, p=min(1.0, *p), lowest=lowest)
-
-
-def _p_value(a: np.ndarray, b: np.ndarray, name: str) -> float:
-    """P value of the hypothesis that stored and new runs could be exchanged; 1 with one run."""
-    if len(a) < 2:
-        return 1.0
-    p = same_distribution_p(a, b, generator(name, 0, "comparison"))
-    return p if p > LEVEL else same_distribution_p(a, b, generator(name, 1, "comparison"), DRAWS)
+    return Comparison(*about, verdict, p=p, lowest=lowest)
 
 
 def differing(comparisons: Sequence[Comparison]) -> list[Comparison]:

@@ -5,6 +5,7 @@ sends a run elsewhere sooner or later; up to there its numbers are the stored on
 """
 
 from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -17,6 +18,8 @@ from vtlib.experiments.experiment import TASKS, Experiment, Pool
 from vtlib.experiments.run import by_kernels
 from vtlib.experiments.schedule import Unit, compute, joined, shared_by_all, units_of
 from vtlib.native.build import LEVELS
+from vtlib.rng import generator
+from vtlib.stats import same_distribution_p
 from vtlib.training import FINGERPRINTS
 
 # Two machines round differently; what any change of the method, the seeds or the tasks does is
@@ -24,6 +27,9 @@ from vtlib.training import FINGERPRINTS
 RELATIVE = 1e-3
 ABSOLUTE = 1e-3
 TIES = 2  # evaluations of a run that rounding may change, where two actions are worth the same
+EARNED = "learning", "greedy"
+LEVEL = 0.01  # how often a report may call runs different that are not, whatever it compares
+DRAWS = 1_000_000  # where 10,000 leave it open whether a p value is below a level
 TRAINED = ("weights", "iterations", "greedy", "solved", "fresh", "passes")  # what sources end with
 
 
@@ -91,7 +97,39 @@ def check_runs(
     """
     stored, chosen = store.stored(owner, label, root), members_of(owner, members)
     given = None if isinstance(owner, Pool) else store.weights(owner.pool, root)
-    return compare_runs(owner, label, stored, _computed(owner, label, chosen, given), chosen)
+    computed = _computed(owner, label, chosen, given)
+    found = compare_runs(owner, label, stored, computed, chosen)
+    if isinstance(owner, Pool) or not found.parted:
+        return found
+    there, here = list(found.parted), np.searchsorted(chosen, list(found.parted))
+    old, new = ({k: x[k][at] for k in EARNED} for x, at in ((stored[0], there), (computed, here)))
+    said, p, _ = together(old, new, EARNED, "verify")
+    wrong = dict.fromkeys(there, said)
+    return Whole(found.alike, {}, found.wrong | wrong) if p < LEVEL / 10 else found
+
+
+def together(
+    stored: store.Arrays, anew: store.Arrays, keys: Sequence[str], name: str
+) -> tuple[str, float, float]:
+    """What parted members earn, in words, a P value that it could be exchanged, and its least.
+
+    Tested are the means and the last returns (Bonferroni).
+    """
+    said, p = [], []
+    for key in keys:
+        a, b = (np.asarray(x[key], float).reshape(len(x[key]), -1) for x in (stored, anew))
+        said.append(f"{key} {a.mean():.4f} stored, {b.mean():.4f} anew")
+        for x, y in ((a.mean(1), b.mean(1)), (a[:, -1], b[:, -1])):
+            p.append(_p_value(x, y, f"{name}/{key}"))
+    return "; ".join(said), min(1.0, len(p) * min(p)), len(p) * 2.0 ** (1 - len(a))
+
+
+def _p_value(a: np.ndarray, b: np.ndarray, name: str) -> float:
+    """P value of the hypothesis that stored and new runs could be exchanged; 1 with one run."""
+    if len(a) < 2:
+        return 1.0
+    p = same_distribution_p(a, b, generator(name, 0, "comparison"))
+    return p if p > LEVEL else same_distribution_p(a, b, generator(name, 1, "comparison"), DRAWS)
 
 
 def _computed(
@@ -174,7 +212,8 @@ def differences(
             continue
         if key not in shared:
             old, new = old[member], new[row]
-        wrong = np.argwhere(~np.isclose(old, new, RELATIVE, ABSOLUTE, equal_nan=True))
+        near = partial(np.isclose, rtol=RELATIVE, atol=ABSOLUTE, equal_nan=True)
+        wrong = np.argwhere(~(near if new.dtype.kind == "f" else np.equal)(old, new))
         if len(wrong):
             first = tuple(wrong[0])
             at = _iteration(key, old.shape[:1], first, computed) if key not in shared else 0

@@ -95,8 +95,7 @@ class NativeRun:
     """One run in the kernel's memory, on the task in a row of a batch.
 
     given: sources (S, d) if the algorithm transfers, else first weights (d,). mu (C, d) are the
-    present means, L the entries of the first factor in the kernel's order. Random numbers are those
-    of a run of an experiment, by their names.
+    present means, L the first factor's entries. Random numbers have the names of an experiment's.
     """
 
     def __init__(
