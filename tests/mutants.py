@@ -113,18 +113,6 @@ FAULTS: dict[str, list[tuple[str, str]]] = {
         ('episodes, "max")', 'episodes, "mean")'),
         ("weights[chosen_sources(experiment, runs)]", "weights[: experiment.sources][None]"),
     ],
-    "book/vtbook/claims": [
-        ("number.low >= self.low and number.high <= self.high", "number.low >= self.low"),
-        ("else UNDECIDED", "else NOT"),
-        (">= OPTIMAL * own", ">= OPTIMAL * own.mean()"),
-        ("np.abs(np.diff(curve)), iterations", "np.diff(curve), iterations"),
-        ("np.hypot(a.high - a.centre, b.high - b.centre)", "a.high - a.centre + b.high - b.centre"),
-        ("(band.low <= theirs.high[at]) &", "(band.low <= theirs.high[at]) |"),
-    ],
-    "book/vtbook/costs": [
-        ("floor + SOLVED * (runs.optimum - floor)", "SOLVED * runs.optimum"),
-        ("np.where(reached.any(1), at, np.nan)", "at"),
-    ],
     "vtlib/stats": [
         ("ppf(0.975,", "ppf(0.95,"),
         ("len(values) - 1)", "len(values))"),

@@ -12,7 +12,7 @@ from vtlib import gym_runs
 from vtlib.baselines import DDQNSettings, FineTuning, MellowTDSettings
 from vtlib.experiments.store import TornResult
 from vtlib.gym_runs import Learned, evaluate, solve, transfer
-from vtlib.qfunctions import MLP
+from vtlib.qfunctions import MLP, ModuleQ
 from vtlib.transfer import Settings
 
 Q = MLP((4, 8, 2))
@@ -45,7 +45,8 @@ def always(action: int) -> torch.Tensor:
     return torch.eye(Q.d)[-2 + action]
 
 
-ENV = Corridor()
+ENV, LINEAR = Corridor(), torch.nn.Linear(4, 3)
+NAN = gym.wrappers.TransformReward(Corridor(), lambda _: np.nan)
 BOTH = torch.stack([always(0), always(1)])
 
 
@@ -143,10 +144,9 @@ def test_what_was_learned_is_saved_whole(settings, tmp_path):
 
 
 def test_a_file_that_is_not_whole_is_named(tmp_path):
-    cut, other = tmp_path / "cut.npz", tmp_path / "other.npz"
-    cut.write_bytes(b"PK\x03\x04 cut")
-    np.savez(other, weights=np.zeros(3))
-    for path in (cut, other):
+    (tmp_path / "cut.npz").write_bytes(b"PK\x03\x04 cut")
+    np.savez(tmp_path / "other.npz", weights=np.zeros(3))
+    for path in tmp_path.iterdir():
         with pytest.raises(TornResult, match=rf"{path.name} is not what Learned\.save wrote"):
             Learned.load(path)
 
@@ -156,11 +156,12 @@ def test_a_file_that_is_not_whole_is_named(tmp_path):
     [
         (partial(evaluate, [Corridor(np.inf)], Q, always(1).view(1, 1, -1)),
          r"has not ended after 50 steps: gymnasium\.wrappers\.Time"),
-        (partial(solve, [ENV], Q, 10, "mellow"), "settings must be"),
+        (partial(solve, [NAN], Q, 10), "not finite: .* gave a reward of nan"),
         (partial(transfer, [ENV], Q, SOURCES, 10, 0), "settings must be"),
         (partial(solve, [ENV, ENV], Q, 10), "one is given twice"),
         (partial(solve, [Corridor(space=(2, 2))], Q, 10), "FlattenObservation makes one of it"),
         (partial(solve, [ENV], MLP((4, 8, 3)), 10), "the environments' 2 actions, got 3"),
+        (partial(solve, [ENV], ModuleQ(LINEAR, 2), 10), "2 actions, got 2 and 3 values"),
     ],
 )  # fmt: skip
 def test_what_cannot_work_is_refused_with_what_would_help(monkeypatch, call, message):

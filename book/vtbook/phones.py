@@ -17,7 +17,7 @@ WIDTH = 3.8  # inches, at 96 pixels to an inch what a page leaves of 390 pixels
 SMALLEST = 9.5  # points
 LOWEST, TALLEST = {1: 2.1, 2: 1.5}, 2.3  # inches, of curves with what is written around them
 BESIDE = 24  # letters in a line of a label
-LETTERS = {1: 46, 2: 18, 4: 8}  # in the title of a panel, by the columns
+LETTERS = {1: 46, 2: 15, 4: 8}  # in the title of a panel, by the columns
 MANY = {True: (6,), False: (2, 8)}  # panels of curves, or maps: more have twice the columns
 Panels = dict[Axes, SubplotSpec]
 Change = Callable[[Callable[[Any], Any], Any, Any], None]
@@ -78,13 +78,14 @@ def _label(panels: Panels, letters: int, change: Change) -> None:
 
 
 def _write(figure: Figure, change: Change) -> int:
-    """Legends of two columns, and larger type; how many lines the legends have."""
+    """Legends of two columns where there is room, larger type; the number of legends' lines."""
     old, lines = list(figure.legends), 0
     for one in old:
         words = [text.get_text() for text in one.get_texts()]
         lines_and_dots = filter(None, one.legend_handles)
-        figure.legend(lines_and_dots, words, loc="outside lower center", ncols=2)
-        lines += -(-len(words) // 2)
+        columns = 2 if max(map(len, words), default=0) < 20 else 1
+        figure.legend(lines_and_dots, words, loc="outside lower center", ncols=columns)
+        lines += -(-len(words) // columns)
     new = figure.legends[len(old) :]
     change(partial(setattr, figure, "legends"), old, new)
     for text in figure.findobj(Text):

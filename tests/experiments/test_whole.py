@@ -84,6 +84,20 @@ def test_arrays_that_lack_or_have_another_shape_are_named(checked, key, wrong, s
     assert list(of_heads) == ([] if key == "fingerprint" else EVERY)
 
 
+@pytest.mark.parametrize("forged", [False, True])
+def test_runs_that_rounding_has_parted_have_to_earn_what_others_do(monkeypatch, forged):
+    runs, arrays = range(20), store.stored(ROOMS, "NT")[0]
+    anew = {k: v.copy() for k, v in arrays.items()}
+    for key in whole.EARNED:  # in another order, as if by chance, or more at the end
+        anew[key][:, 99:] = anew[key][::-1, 99:] + np.linspace(1, 2, 20)[:, None]
+        arrays[key] = anew[key][::-1].copy() if not forged else arrays[key]
+    monkeypatch.setattr(store, "stored", lambda *_: (arrays, {}))
+    monkeypatch.setattr(store, "weights", lambda *_: None)
+    monkeypatch.setattr(whole, "_computed", lambda *_: anew)
+    monkeypatch.setattr(whole, "compare_runs", lambda *_: Whole([], dict.fromkeys(runs, 9), {}))
+    assert list(check_runs(ROOMS, "NT").wrong) == ([*runs] if forged else [])
+
+
 def test_a_fault_that_shows_late_is_named(tiny, stored, monkeypatch):
     calls, real = iter(range(10**6)), baselines.DDQN.learn
 
