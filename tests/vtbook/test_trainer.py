@@ -228,9 +228,8 @@ def test_a_reader_with_firefox_trains_too(book, tmp_path):
     command = [firefox, "--headless", "--profile", tmp_path, "--remote-debugging-port=0"]
     with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
         lines = (re.search(r"BiDi listening on (ws:\S+)", line) for line in process.stderr)
-        socket = websocket.create_connection(
-            f"{next(filter(None, lines))[1]}/session", suppress_origin=True
-        )
+        address = f"{next(filter(None, lines))[1]}/session"
+        socket = websocket.create_connection(address, suppress_origin=True)
 
         def call(number, method, **parameters):
             socket.send(json.dumps({"id": number, "method": method, "params": parameters}))
@@ -244,6 +243,7 @@ def test_a_reader_with_firefox_trains_too(book, tmp_path):
         url = (book / "book" / "rooms_evaluation.html").as_uri()
         call(3, "browsingContext.navigate", url=url, wait="complete", **where)
         done = call(4, "script.evaluate", expression=TRAINED, target=where, awaitPromise=True)
+        socket.close()
         process.terminate()
     transfer, none = map(float, done["result"]["value"].split())
     assert transfer > none + 0.3
