@@ -47,7 +47,7 @@ book: $(KERNELS)
 # The book is built beside the other tests: one thread each, or they wait for each other.
 test: export OMP_NUM_THREADS := 1
 test: $(KERNELS)
-	@echo "==> Testing: about a quarter of an hour on two cores (linter, library, book from scratch, browser)."
+	@echo "==> Testing: 15 to 30 minutes on two cores (linter, library, book from scratch, browser)."
 	@$(MAKE) --no-print-directory -j2 lint pytest
 
 pytest: $(KERNELS)
