@@ -15,6 +15,7 @@ from typing import Any
 
 from jupyter_cache import get_cache
 from jupyter_cache.base import CacheBundleIn
+from kernels import forked
 from myst_nb.core.read import create_nb_reader
 from nbclient import NotebookClient
 from nbclient.exceptions import CellControlSignal, DeadKernelError
@@ -27,13 +28,13 @@ AS_READ: dict[str, Any] = {"record_timing": False, "extra_arguments": ["--log-le
 AT_MOST = 4  # pages at a time: each holds the stored runs that it shows in memory
 
 
-async def run(path: Path, page: NotebookNode, timeout: int, room: asyncio.Semaphore) -> float:
+async def run(path: Path, page: NotebookNode, room: asyncio.Semaphore, **how: Any) -> float:
     """Run a page's cells in place; the seconds that took, infinitely many if it could not."""
     async with room:
         begin = time.monotonic()
         where = {"metadata": {"path": str(path.parent)}}
         try:
-            await NotebookClient(page, timeout=timeout, resources=where, **AS_READ).async_execute()
+            await NotebookClient(page, resources=where, **AS_READ, **how).async_execute()
         except (CellControlSignal, DeadKernelError):
             return math.inf
         seconds = time.monotonic() - begin
@@ -43,8 +44,12 @@ async def run(path: Path, page: NotebookNode, timeout: int, room: asyncio.Semaph
 
 async def run_all(pages: dict[Path, NotebookNode], timeout: int) -> list[float]:
     """Run pages side by side, in their order; the seconds that each took."""
+    if not pages:
+        return []
     room = asyncio.Semaphore(min(os.cpu_count() or 1, AT_MOST))
-    return await asyncio.gather(*(run(*one, timeout, room) for one in pages.items()))
+    with forked() as manager:
+        how = {"timeout": timeout, "kernel_manager_class": manager}
+        return await asyncio.gather(*(run(*one, room, **how) for one in pages.items()))
 
 
 def read_page(env: Any, docname: str) -> NotebookNode | None:

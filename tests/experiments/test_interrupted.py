@@ -63,12 +63,12 @@ MOMENTS = int(os.environ.get("VTLIB_MOMENTS", "2"))  # more on demand
 class Command:
     """The script, started in a session of its own, as a terminal does."""
 
-    def __init__(self, folder: Path, command: str, **more: str) -> None:
+    def __init__(self, folder: Path, command: str, *options: str, **more: str) -> None:
         (folder / "script.py").write_text(SCRIPT)
         path = {"PYTHONPATH": str(Path(schedule.__file__).parents[2])}
         self.said = DONE[command]
         self.process = subprocess.Popen(
-            [sys.executable, "script.py", *COMMANDS[command]],
+            [sys.executable, "script.py", *COMMANDS[command], *options],
             cwd=folder,
             env={**os.environ, **path, **more},
             stdout=subprocess.PIPE,
@@ -115,7 +115,7 @@ def test_killed_while_a_file_is_put_in_place_the_same_command_goes_on(tmp_path, 
     root = tmp_path / "results"
     # each waits for the one before, so that none is in its place when its turn comes
     for part in ["parts/few", "few/sources.json", "parts/tiny/GVT", "tiny/GVT.json"]:
-        killed = Command(tmp_path, "run", KILL_AT=part)
+        killed = Command(tmp_path, "run", "--jobs=1", KILL_AT=part)
         killed.process.communicate()
         assert killed.process.returncode == -signal.SIGKILL
         killed.assert_gone()

@@ -95,6 +95,7 @@ def test_runs_that_rounding_has_parted_have_to_earn_what_others_do(monkeypatch, 
     monkeypatch.setattr(store, "weights", lambda *_: None)
     monkeypatch.setattr(whole, "_computed", lambda *_: anew)
     monkeypatch.setattr(whole, "compare_runs", lambda *_: Whole([], dict.fromkeys(runs, 9), {}))
+    monkeypatch.setattr(whole, "DRAWS", 50_000)
     assert list(check_runs(ROOMS, "NT").wrong) == ([*runs] if forged else [])
 
 
