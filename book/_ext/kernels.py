@@ -80,8 +80,9 @@ def become_kernel(asked: socket.socket) -> None:
     threading.Thread(target=lambda: (asked.recv(1), os._exit(1)), daemon=True).start()
     os.chdir(given["folder"])
     os.environ.clear()
-    os.environ.update(given["environment"], JPY_PARENT_PID=str(os.getppid()))
-    IPKernelApp.launch_instance(argv=given["arguments"])
+    os.environ.update(given["environment"])
+    parent = f"--IPKernelApp.parent_handle={os.getppid()}"
+    IPKernelApp.launch_instance(argv=[*given["arguments"], parent])
     os._exit(0)
 
 

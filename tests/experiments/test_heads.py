@@ -5,7 +5,7 @@ import pytest
 from vtbook.experiments.cartpole import CARTPOLE
 from vtbook.experiments.rooms import ROOMS_EVALUATION, THREE_ROOMS
 from vtlib import rng, transfer
-from vtlib.experiments import run, sources, store
+from vtlib.experiments import heads, run, sources, store
 from vtlib.experiments.heads import check_heads, live_check
 from vtlib.native.runs import NativeRun
 
@@ -40,10 +40,10 @@ def test_on_the_same_processor_every_run_counts(monkeypatch):
     [
         ({3, 5}, None, [], [3, 5]),
         (set(range(6)), None, [], list(range(6))),
-        (set(range(7)), None, list(range(7)), []),
+        (set(range(13)), None, list(range(13)), []),
         ({3}, [3], [], [3]),
         ({3, 0, 1}, [3], [], [3]),
-        ({3, 0, 1, 2}, [3], [3], []),
+        ({3, 0, 1, 2, 4, 5, 6}, [3], [3], []),
         (set(range(20)), [3, 4], [3, 4], []),
         ({0, 1, 2, 5}, [3, 4], [], []),
     ],
@@ -57,6 +57,13 @@ def test_on_another_processor_a_few_among_many_are_rounding(
     assert len(asked) == len(set(asked))
     differ = differ & set(range(20) if members is None else members)
     assert len(asked) == (20 if members is None else 10 if differ else len(members))
+
+
+def test_where_more_are_parted_the_whole_runs_tell(monkeypatch):
+    for asked, differ in ((None, set(range(7))), ([3], {3, 0, 1, 2, 4, 5})):
+        with_differing(monkeypatch, differ)
+        monkeypatch.setattr(heads, "check_runs", lambda *given: given)
+        assert check_heads(CART, "DDQN", members=asked) == (CART, "DDQN", asked, None)
 
 
 def test_the_live_check_says_what_was_found(monkeypatch):

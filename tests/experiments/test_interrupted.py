@@ -102,7 +102,7 @@ class Command:
 @pytest.fixture(scope="module")
 def complete(tmp_path_factory) -> Path:
     folder = tmp_path_factory.mktemp("complete")
-    Command(folder, "run").ends_well()
+    Command(folder, "run", "--jobs=1").ends_well()
     return folder / "results"
 
 

@@ -29,7 +29,8 @@ def check_heads(
 ) -> Whole:
     """As ``whole.check_runs``, but of the first iterations; tasks have none and are compared whole.
 
-    Rounding parts a few among many: where more differ, they are wrong.
+    Rounding parts a few among many. Where more differ the runs are compared whole: what they earn
+    has to be what others do. Where most of them do, they are wrong.
     """
     if label == TASKS:
         return check_runs(owner, label, members, root)
@@ -40,8 +41,9 @@ def check_heads(
     others = [m for m in members_of(owner) if m not in chosen][: max(0, LOOKED_AT - len(chosen))]
     beside = _compared(owner, label, others, root) if others else Whole([], {}, {})
     differing = [*found.wrong, *found.parted, *beside.wrong, *beside.parted]
-    if len(differing) <= PARTED * len(chosen + others):
-        return found
+    share = len(differing) / len(chosen + others)
+    if share <= 2 * PARTED:
+        return found if share <= PARTED else check_runs(owner, label, members, root)
     many = f"{len(differing)} of {len(chosen + others)} heads differ"
     return Whole(found.alike, {}, found.wrong | dict.fromkeys(found.parted, many))
 
