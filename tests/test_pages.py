@@ -111,19 +111,18 @@ THINNED = """() => {
 }"""
 # Of all texts in the same colours one: to see whether they contrast takes longest.
 EXAMPLES = """() => {
-  const own = one => [...one.childNodes].some(part => part.nodeType === 3 && part.data.trim());
   const found = new Map();
   for (const one of document.body.querySelectorAll('*')) {
     one.removeAttribute('data-example');
-    if (!own(one) || !one.checkVisibility()) continue;
-    const { color, fontSize, fontWeight } = getComputedStyle(one), seen = [];
+    const own = [...one.childNodes].some(part => part.nodeType === 3 && part.data.trim());
+    if (!own || !one.checkVisibility()) continue;
+    const { color, font } = getComputedStyle(one), seen = new Set([color, font]);
     for (let box = one; box; box = box.parentElement) {
       const { backgroundColor, backgroundImage, opacity } = getComputedStyle(box);
-      seen.push(backgroundColor, backgroundImage, opacity);
+      seen.add(backgroundColor).add(backgroundImage).add(opacity);
       if (backgroundColor.startsWith('rgb(')) break;
     }
-    const key = [color, fontSize, fontWeight, ...new Set(seen)].join();
-    if (!found.has(key)) found.set(key, one);
+    found.set([...seen].join(), one);
   }
   for (const one of found.values()) one.setAttribute('data-example', '');
 }"""

@@ -3,7 +3,7 @@
 import itertools
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 import torch
@@ -77,12 +77,16 @@ def train(
             greedy.append(evaluate(agent.mu.cpu()).numpy())
             if progress is not None and not progress(t):
                 break
-    shape = (0, len(names))
+    return curves_of(len(names), kept, learning, greedy, prints)
+
+
+def curves_of(runs: int, kept: Any, learning: Any, greedy: Any, prints: Any) -> Curves:
+    """Curves of what was recorded of all runs at a time, of nothing, too."""
     return Curves(
         np.array(kept),
-        np.stack(learning, 1) if learning else np.zeros(shape[::-1]),
-        np.stack(greedy, 1) if greedy else np.zeros(shape[::-1]),
-        np.stack(prints, 1) if prints else np.zeros((len(names), 0, 4)),
+        np.array(learning).reshape(-1, runs).T,
+        np.array(greedy).reshape(-1, runs).T,
+        np.array(prints).reshape(-1, runs, 4).swapaxes(0, 1),
     )
 
 

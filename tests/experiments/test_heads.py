@@ -41,7 +41,6 @@ def test_on_the_same_processor_every_run_counts(monkeypatch):
         ({3, 5}, None, [], [3, 5]),
         (set(range(6)), None, [], list(range(6))),
         (set(range(13)), None, list(range(13)), []),
-        ({3}, [3], [], [3]),
         ({3, 0, 1}, [3], [], [3]),
         ({3, 0, 1, 2, 4, 5, 6}, [3], [3], []),
         (set(range(20)), [3, 4], [3, 4], []),

@@ -6,17 +6,14 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from attrs import evolve
 from xarray import Dataset
 
 from vtbook import tables
 from vtbook.claims import NOT, REPRODUCED, STRONGER, UNDECIDED, Claim
 from vtbook.comparisons import bootstrap_interval, improvement_interval
 from vtbook.costs import Cost
-from vtlib.baselines import MellowTDSettings
 from vtlib.rng import generator
 from vtlib.stats import Interval, mean_interval
-from vtlib.transfer import Settings
 
 HOSTILE = "<script>alert('&lt;\"')</script> & <b>"
 
@@ -76,18 +73,6 @@ def test_what_sources_cost_is_told_with_what_they_save():
     solved = "1 of 2; without 2"
     assert first == ["A", "200,000", "1,500", "4,500", "3,000 (-1 to 6,001)", solved, "67"]
     assert second[4:] == ["-5 (-6 to -4)", solved, "never"]
-
-
-def test_settings_have_a_column_for_each_distinct_one_and_gaps_where_a_parameter_is_missing():
-    good = Settings(lambda_=1e-6, components=3)
-    algorithms = {"a-2": good, "b": MellowTDSettings(70), "a-3": evolve(good), "c": Settings()}
-    head, *rows = rows_of(tables.settings_table(SimpleNamespace(algorithms=algorithms)))
-    assert head == ["parameter", "a-2 to a-3", "b", "c"]
-    told = {name: cells for name, *cells in rows}
-    assert len(told) == len(rows)
-    expected = {"lambda_": ["1e-06", "", f"{Settings().lambda_:g}"], "kl_clip": [""] * 3}
-    expected |= {"components": ["3", "", "1"], "epsilon_steps": ["", "70", ""]}
-    assert {name: told[name] for name in expected} == expected
 
 
 def note(label, seconds, owner="rooms", **algorithm):

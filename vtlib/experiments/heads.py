@@ -29,8 +29,8 @@ def check_heads(
 ) -> Whole:
     """As ``whole.check_runs``, but of the first iterations; tasks have none and are compared whole.
 
-    Rounding parts a few among many. Where more differ the runs are compared whole: what they earn
-    has to be what others do. Where most of them do, they are wrong.
+    Rounding parts a few among many. Where more differ whole runs have to earn what the stored ones
+    do; where most of them differ, they are wrong.
     """
     if label == TASKS:
         return check_runs(owner, label, members, root)

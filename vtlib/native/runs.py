@@ -18,7 +18,7 @@ from vtlib.envs.base import TaskFamily, Tasks
 from vtlib.native import kernels
 from vtlib.posteriors.dense import start_factors
 from vtlib.rng import generator
-from vtlib.training import FINGERPRINTS, Curves, check_finite
+from vtlib.training import FINGERPRINTS, Curves, check_finite, curves_of
 from vtlib.transfer import Settings
 
 LEARNER, GAUSSIAN, MIXTURE = range(3)
@@ -230,8 +230,7 @@ def train_natively(
 ) -> Curves:
     """As ``vtlib.training.train``; each run goes on alone from one record to the next."""
     kept, learning, greedy, prints = [], [], [], []
-    before, count = 0, len(runs)
-    records = range(every, iterations + 1, every)
+    before, records = 0, range(every, iterations + 1, every)
     for t in sorted({*records, *(f for f in FINGERPRINTS if f <= iterations)}):
         for run in runs:
             run.advance(t - before)
@@ -246,12 +245,7 @@ def train_natively(
             greedy.append(evaluate(mu).numpy())
             if progress is not None and not progress(t):
                 break
-    return Curves(
-        np.array(kept),
-        np.array(learning).reshape(-1, count).T,
-        np.array(greedy).reshape(-1, count).T,
-        np.array(prints).reshape(-1, count, 4).swapaxes(0, 1),
-    )
+    return curves_of(len(runs), kept, learning, greedy, prints)
 
 
 def _pointer(array: np.ndarray) -> Any:
