@@ -33,7 +33,6 @@ BUILT = "VTLIB_BOOK_HTML"
 FIRST = "gw0"  # of the processes that share the tests; it starts the build
 LOG, STATUS, GROUP = (ROOT / "_build" / f"test-build.{x}" for x in ("log", "status", "group"))
 BUILD_LIMIT = 1800  # seconds
-# Of this process; none where the system does not tell.
 CORES = sorted(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else []
 CELL = re.compile(r"```\{code-cell\} python3\n(?:---\n(.*?)\n---\n)?(.*?)```", re.DOTALL)
 

@@ -37,7 +37,6 @@ def test_an_experiment_with_a_posterior_of_ones_own_is_run_by_its_name(tmp_path,
     )
     assert (done.returncode, done.stdout) == (0, "ours is complete under results\n"), done.stderr
     assert {*tmp_path.iterdir()} == {*before, root}
-    # the same from Python, as long as the test runs
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.setitem(COVARIANCES, "isotropic", None)
     mine = importlib.import_module("corridors").EXPERIMENTS["mine"]

@@ -70,17 +70,24 @@ def _claim_row(claim: Claim) -> str:
         if protocol not in claim.found:
             cells.append("<td></td>")
             continue
+        told = _on_phones(PROTOCOLS[protocol])
         verdict = claim.verdict(protocol)
         number = escape(_interval(claim.found[protocol]))
         if protocol in claim.met:
             number += f"<br>met at {claim.met[protocol]:.0%}"
-        cells.append(
-            f"<td class='verdict {verdict.split()[0]}'>{verdict}<br><small>{number}</small></td>"
-        )
-    printed = "" if claim.printed is None else escape(_interval(claim.printed))
+        style = f"verdict {verdict.split()[0]}"
+        cells.append(f"<td class='{style}'>{told}{verdict}<br><small>{number}</small></td>")
+    printed = ""
+    if claim.printed is not None:
+        printed = _on_phones("Published curve") + escape(_interval(claim.printed))
     ours = " <em>(a claim of this book's)</em>" if claim.ours else ""
     words = f"{escape(claim.text)}{ours}<br><small>{escape(claim.number)}: {claim.bounds}</small>"
     return f"<tr><td>{words}</td>{''.join(cells)}<td><small>{printed}</small></td></tr>"
+
+
+def _on_phones(head: str) -> str:
+    """What a column is called, in each cell, where the table's head is not shown."""
+    return f"<span class='head'>{head}: </span>"
 
 
 def tally(claims: Iterable[Claim], protocol: str) -> dict[str, int]:

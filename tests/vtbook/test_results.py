@@ -43,7 +43,6 @@ def test_sources_are_solved_or_were_trained_to_the_limit(name):
 
 def test_nothing_stored_is_stray_and_all_of_it_small():
     stored = (path.relative_to(ROOT).as_posix() for path in ROOT.rglob("*.json"))
-    # the guide's own are those of its script, see test_guide
     names = {name.removesuffix(".json") for name in stored if not name.startswith("guide/")}
     assert names == RESULTS.keys()
     assert sum(path.stat().st_size for path in ROOT.rglob("*") if path.is_file()) < 30e6
