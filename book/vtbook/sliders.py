@@ -13,6 +13,7 @@ from vtbook import widgets
 from vtbook.claims import Runs
 from vtbook.experiments.grids import count_name, slider_name
 from vtbook.plots import image_html, look, power_of_ten, returns_figure, small_png
+from vtbook.tables import told
 from vtlib.experiments import returns
 from vtlib.experiments.experiment import Experiment
 from vtlib.stats import Interval
@@ -122,5 +123,4 @@ def first_runs(runs: Dataset, other: Dataset) -> Dataset:
 
 
 def _percent(number: Interval, sign: str = "") -> str:
-    text = f"{number.centre:{sign}.0%} ({number.low:{sign}.0%} to {number.high:{sign}.0%})"
-    return text.replace("-", "−")
+    return told(number, f"{sign}z.0%")

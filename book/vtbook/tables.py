@@ -70,16 +70,16 @@ def _claim_row(claim: Claim) -> str:
         if protocol not in claim.found:
             cells.append("<td></td>")
             continue
-        told = _on_phones(PROTOCOLS[protocol])
+        head = _on_phones(PROTOCOLS[protocol])
         verdict = claim.verdict(protocol)
-        number = escape(_interval(claim.found[protocol]))
+        number = escape(told(claim.found[protocol]))
         if protocol in claim.met:
             number += f"<br>met at {claim.met[protocol]:.0%}"
         style = f"verdict {verdict.split()[0]}"
-        cells.append(f"<td class='{style}'>{told}{verdict}<br><small>{number}</small></td>")
+        cells.append(f"<td class='{style}'>{head}{verdict}<br><small>{number}</small></td>")
     printed = ""
     if claim.printed is not None:
-        printed = _on_phones("Published curve") + escape(_interval(claim.printed))
+        printed = _on_phones("Published curve") + escape(told(claim.printed))
     ours = " <em>(a claim of this book's)</em>" if claim.ours else ""
     words = f"{escape(claim.text)}{ours}<br><small>{escape(claim.number)}: {claim.bounds}</small>"
     return f"<tr><td>{words}</td>{''.join(cells)}<td><small>{printed}</small></td></tr>"
@@ -191,14 +191,19 @@ def robust_table(
         rng = generator(experiment.name, 0, f"bootstrap {label} {iteration}")
         middle = bootstrap_interval(share, rng, strata=strata)
         better = improvement_interval(share, shares[against], rng, strata)
-        chance = "" if label == against else _interval(better)
-        rows.append([label, _interval(mean_interval(share)), _interval(middle), chance])
+        chance = "" if label == against else told(better)
+        rows.append([label, told(mean_interval(share)), told(middle), chance])
     share_of = "mean share of the optimum", "interquartile mean"
     return html_table(["algorithm", *share_of, f"P(better than {against})"], rows)
 
 
-def _interval(value: Interval) -> str:
-    return f"{value.centre:.2f} ({value.low:.2f} to {value.high:.2f})"
+def told(value: Interval | float, form: str = "z.2f") -> str:
+    """A number in words, with its interval if it has one, by a format for each."""
+    if isinstance(value, tuple):
+        centre, low, high = (told(x, form) for x in value)
+        return f"{centre} ({low} to {high})"
+    text = f"{value:{form}}"
+    return f"−{text[1:]}" if text.startswith("-") else text
 
 
 def sweep_table(shares: Mapping[tuple[float, float], np.ndarray]) -> str:
