@@ -197,7 +197,7 @@ def robust_table(
     return html_table(["algorithm", *share_of, f"P(better than {against})"], rows)
 
 
-def told(value: Interval | float, form: str = "z.2f") -> str:
+def told(value: Interval | np.ndarray | float, form: str = "z.2f") -> str:
     """A number in words, with its interval if it has one, by a format for each."""
     if isinstance(value, tuple):
         centre, low, high = (told(x, form) for x in value)
