@@ -10,6 +10,7 @@ import importlib
 import json
 import os
 import pkgutil
+import signal
 import socket
 import subprocess
 import sys
@@ -87,7 +88,8 @@ def become_kernel(asked: socket.socket) -> None:
 
 
 def ask(address: str, arguments: list[str]) -> None:
-    """Stand for the kernel that is asked for: end when it does."""
+    """Stand for the kernel that is asked for: end when it does, and not when it is interrupted."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
     given = {"arguments": arguments, "folder": os.getcwd(), "environment": dict(os.environ)}
     with socket.socket(socket.AF_UNIX) as asking:
         asking.connect(address)

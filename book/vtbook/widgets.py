@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import threading
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
@@ -25,7 +26,12 @@ from vtlib.experiments.run import run_batch
 from vtlib.transfer import Settings
 
 NEW = "#000000"  # of the new curve, solid beside the dashed optimum
-FULL = ui.Layout(width="100%")
+
+
+@functools.cache
+def full() -> ui.Layout:
+    """One layout for all widgets, made when there is a kernel that can tell pages of it."""
+    return ui.Layout(width="100%")
 
 
 @frozen
@@ -71,10 +77,10 @@ def still_sliders(axes: Sequence[Axis], picture: Callable[..., str]) -> ui.VBox:
 
     def fill(depth: int, values: tuple[Any, ...]) -> ui.Widget:
         if depth == len(axes):
-            return ui.HTML(picture(*values), layout=FULL)
+            return ui.HTML(picture(*values), layout=full())
         axis = axes[depth]
         children = [fill(depth + 1, (*values, value)) for _, value in axis.options]
-        stack = ui.Stack(children, selected_index=axis.start, layout=FULL)
+        stack = ui.Stack(children, selected_index=axis.start, layout=full())
         levels[depth].append(stack)
         return stack
 
@@ -85,7 +91,7 @@ def still_sliders(axes: Sequence[Axis], picture: Callable[..., str]) -> ui.VBox:
         for stack in stacks:
             ui.jsdlink((slider, "index"), (stack, "selected_index"))
         sliders.append(slider)
-    return ui.VBox([*sliders, panel], layout=FULL)
+    return ui.VBox([*sliders, panel], layout=full())
 
 
 def _slider(axis: Axis) -> ui.SelectionSlider:
@@ -94,7 +100,7 @@ def _slider(axis: Axis) -> ui.SelectionSlider:
         index=axis.start,
         description=axis.label,
         tooltip=axis.name,
-        layout=FULL,
+        layout=full(),
     )
 
 
@@ -127,7 +133,7 @@ class LivePanel:
         self._stop = ui.Button(description="Stop", disabled=True)
         self._bar = ui.IntProgress(0, 0, iterations, description="progress")
         self._says = ui.Label()
-        self._picture = ui.HTML(layout=FULL)
+        self._picture = ui.HTML(layout=full())
         self._halt = threading.Event()
         self._thread: threading.Thread | None = None
         self._run.on_click(lambda _: self.run())
