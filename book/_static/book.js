@@ -93,8 +93,13 @@ document.addEventListener("DOMContentLoaded", () => {
   document.querySelectorAll(".citation-list[role=list]").forEach((list) => list.removeAttribute("role"));
 });
 
-/* Figures change light and dark in the dark theme; what calls a thing black or white says so there. */
+/* Figures change light and dark in the dark theme; what calls a thing black or white says so there.
+   On telephones panels stand below each other; captions that call them left and right say so there. */
 document.addEventListener("DOMContentLoaded", () => {
+  for (const source of document.querySelectorAll("figure picture source")) {
+    const caption = source.closest("figure").querySelector("figcaption");
+    if (/\b(left|right)\b/i.test(caption?.innerText)) caption.classList.add("names-sides");
+  }
   for (const words of document.querySelectorAll("figcaption, .bd-article section > p")) {
     if (/\b(black|white)\b/.test(words.innerText)) words.classList.add("names-shades");
   }
