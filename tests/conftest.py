@@ -48,11 +48,18 @@ def pytest_collection_finish(session: pytest.Session) -> None:
     wanted = any("build_faults" in getattr(x, "fixturenames", ()) for x in session.items)
     if not wanted or BUILT in os.environ or session.config.option.collectonly:
         return
+    # until it is done the build has half of them: more processes than processors slow each other
+    middle = len(CORES) // 2
     if os.environ.get("PYTEST_XDIST_WORKER", FIRST) == FIRST:
+        keep_to(CORES[:middle])
         start_build()
-    if hasattr(session.config, "workerinput") and len(CORES) > 1:
-        # until it is done the build has one to itself: it takes longest, and others wait for it
-        os.sched_setaffinity(0, CORES[1:])
+    keep_to(CORES[middle:] if hasattr(session.config, "workerinput") else CORES)
+
+
+def keep_to(cores: list[int]) -> None:
+    """Let this process and its children use some processors, where the system can."""
+    if cores:
+        os.sched_setaffinity(0, cores)
 
 
 def start_build() -> None:
@@ -71,8 +78,8 @@ def start_build() -> None:
 
 def pytest_runtest_setup() -> None:
     """Take back the processor of a build that is done."""
-    if len(CORES) > 1 and STATUS.exists():
-        os.sched_setaffinity(0, CORES)
+    if STATUS.exists():
+        keep_to(CORES)
 
 
 def pytest_sessionfinish(session: pytest.Session) -> None:

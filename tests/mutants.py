@@ -118,9 +118,6 @@ FAULTS: dict[str, list[tuple[str, str]]] = {
         ("len(values) - 1)", "len(values))"),
         (", append=np.inf) > 0", ", append=np.inf) >= 0"),
     ],
-    "vtlib/experiments/run": [
-        ('"each" if experiment.each else "mean"', '"mean"'),
-    ],
     "vtlib/experiments/sources": [
         ("            passed &= pool.family.solved", "            pool.family.solved"),
         ("torch.where(passed, again.mean(1), earned)", "earned"),
@@ -138,9 +135,6 @@ FAULTS: dict[str, list[tuple[str, str]]] = {
         ("> DOOR_WIDTH / 2", "> DOOR_WIDTH"),
         ("<= GOAL_RADIUS**2", "<= 2 * GOAL_RADIUS**2"),
         ("(aimed != proposed).any(1", "(aimed != proposed).all(1"),
-    ],
-    "vtlib/envs/cartpole/tasks": [
-        ("> POSITION_LIMIT)", "> ANGLE_LIMIT)"),
     ],
     "vtlib/envs/mountain_car/tasks": [
         ("torch.where(terminated, self.last_reward, -1.0)", "terminated.float() - 1"),
