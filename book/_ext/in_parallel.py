@@ -18,7 +18,7 @@ from jupyter_cache.base import CacheBundleIn
 from kernels import forked
 from myst_nb.core.read import create_nb_reader
 from nbclient import NotebookClient
-from nbclient.exceptions import CellControlSignal, DeadKernelError
+from nbclient.exceptions import CellControlSignal
 from nbformat import NotebookNode
 from sphinx.util import logging
 
@@ -35,7 +35,7 @@ async def run(path: Path, page: NotebookNode, room: asyncio.Semaphore, **how: An
         where = {"metadata": {"path": str(path.parent)}}
         try:
             await NotebookClient(page, resources=where, **AS_READ, **how).async_execute()
-        except (CellControlSignal, DeadKernelError):
+        except (CellControlSignal, RuntimeError):  # a cell failed, or the kernel
             return math.inf
         seconds = time.monotonic() - begin
         LOGGER.info(f"ran {path.stem} in {seconds:.0f} s")

@@ -43,6 +43,7 @@ def forked() -> Iterator[type]:
             number = listening.fileno()
             command = [sys.executable, __file__, str(number)]
             with subprocess.Popen(command, pass_fds=[number]) as origin:
+                listening.close()  # or who asks would wait for one that has failed
                 try:
                     yield Forked
                 finally:

@@ -70,12 +70,12 @@ def _components(label: str) -> int:
 def setting_words(setting: Setting, usual: Setting, mine: Runs, theirs: Runs) -> str:
     """What a setting earns, its distance from the thesis' setting, and what that means."""
     end = int(mine.stored.iteration[-1])
-    earns = f"After {end:,} iterations: {_percent(mine.share(end))} of the optimum."
+    earns = f"After {end:,} iterations: {told(mine.share(end), 'z.0%')} of the optimum."
     if setting == usual:
         return f"{earns} This is the thesis' setting."
     gap = mine.gain_until(theirs, end)
     return (
-        f"{earns} Averaged over the run, {_percent(gap, '+')} against the thesis' setting: "
+        f"{earns} Averaged over the run, {told(gap, '+z.0%')} against the thesis' setting: "
         f"{meaning(setting, usual, gap)}."
     )
 
@@ -120,7 +120,3 @@ def first_runs(runs: Dataset, other: Dataset) -> Dataset:
     """As many runs and iterations as another result has; both count from the same first run."""
     sizes = other.learning.sizes
     return runs.isel(run=slice(sizes["run"]), iteration=slice(sizes["iteration"]))
-
-
-def _percent(number: Interval, sign: str = "") -> str:
-    return told(number, f"{sign}z.0%")
