@@ -12,19 +12,19 @@ import numpy as np
 import pytest
 from attrs import evolve
 
+from vtbook import guide_runs as runs
+from vtlib.cli import main
 from vtlib.experiments import store
 
 ROOT = Path(__file__).resolve().parents[1]
 
 
-@pytest.fixture
-def runs(extension):
-    return extension("guide_runs")
+FOLDER = ROOT / "book" / "results" / runs.NAME
 
 
-def test_every_task_has_twenty_runs_of_each_way(runs):
+def test_every_task_has_twenty_runs_of_each_way():
     for name in (f"{kind}-{place}" for kind in runs.KINDS for place in ("within", "outside")):
-        found, _ = store.read(runs.FOLDER / name)
+        found, _ = store.read(FOLDER / name)
         for way in ("from nothing", "best source", "fine-tuned", "transfer", "improved", "steps"):
             assert found[way].shape == (20,)
             assert np.isfinite(found[way]).all()
@@ -32,30 +32,33 @@ def test_every_task_has_twenty_runs_of_each_way(runs):
         np.testing.assert_array_equal(found["best source"], found["sources"][best])
 
 
-def test_sources_earn_again_what_is_stored(runs, monkeypatch):
+def test_sources_earn_again_what_is_stored(monkeypatch):
     kind = evolve(runs.KINDS["cartpole"], learning=1)  # nothing that rounding can send elsewhere
     monkeypatch.setitem(runs.KINDS, "cartpole", kind)
-    assert not {"sources", "best source"} & {*runs.differing("cartpole-outside", runs.FOLDER, 4)}
+    assert not {"sources", "best source"} & {*runs.differing("cartpole-outside", FOLDER, 4)}
 
 
-def test_a_forged_number_is_named(runs, monkeypatch, tmp_path):
+def test_a_forged_number_is_named(monkeypatch, tmp_path, capsys):
     monkeypatch.setitem(runs.KINDS, "windy-grid", evolve(runs.KINDS["windy-grid"], learning=100))
-    shutil.copy(runs.FOLDER / "windy-grid-sources.npz", tmp_path)
-    shutil.copy(runs.FOLDER / "windy-grid-sources.json", tmp_path)
-    task = "windy-grid-within"
-    found = runs.computed(task, tmp_path, 2)
+    root, folder, task = tmp_path, tmp_path / runs.NAME, "windy-grid-within"
+    assert main(["verify", "guide", "--seed=0", "--results", str(root)]) == 0  # it has none
+    folder.mkdir()
+    for ending in ("npz", "json"):
+        shutil.copy(FOLDER / f"windy-grid-sources.{ending}", folder)
+    found = runs.computed(task, folder, 2)
     monkeypatch.setattr(runs, "computed", lambda *_, **__: found)
-    runs.complete([task], tmp_path)
-    _, note = store.read(tmp_path / task)
-    assert runs.differing(task, tmp_path) == []
+    monkeypatch.setattr(runs, "TASKS", [task])
+    runs.complete([task], folder)
+    _, note = store.read(folder / task)
+    assert main(["verify", "guide", "--seed=0", "--results", str(root)]) == 0
+    assert capsys.readouterr().out.splitlines()[-1] == f"guide/{task}: verified"
     for key, array in found.items():
         forged = array.copy()
         forged[..., 0] = not array[0] if array.dtype == bool else array[..., 0] + 1
-        store.remove(tmp_path / task)
-        store.save(tmp_path / task, found | {key: forged}, note)
-        assert runs.differing(task, tmp_path) == [key]
-    with pytest.raises(SystemExit, match="1"):
-        runs.check([task], tmp_path)
+        store.remove(folder / task)
+        store.save(folder / task, found | {key: forged}, note)
+        assert main(["verify", "guide", "--whole", "--results", str(root)]) == 1
+        assert capsys.readouterr().out.splitlines() == [f"guide/{task}: DIFFERS in {key}"]
 
 
 def python(code: str, folder: Path, **environment: str) -> subprocess.CompletedProcess:

@@ -4,7 +4,8 @@ import argparse
 import re
 import secrets
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from functools import partial
 from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any
@@ -15,13 +16,12 @@ from distributed import KilledWorker
 
 from vtlib import __version__
 from vtlib.checks import one_line
-from vtlib.experiments import installed, known, named, store
+from vtlib.experiments import checks, installed, known, named, store
 from vtlib.experiments.experiment import Experiment
 from vtlib.experiments.heads import verify_heads
 from vtlib.experiments.ledger import record
 from vtlib.experiments.reproduce import differing, report, reproduce
 from vtlib.experiments.schedule import complete
-from vtlib.experiments.store import check_readable
 from vtlib.experiments.whole import Whole, verify
 from vtlib.training import Diverged
 
@@ -47,7 +47,8 @@ def _parser() -> argparse.ArgumentParser:
     run = commands.add_parser("run", help="compute what an experiment still lacks, and store it")
     run.add_argument("experiment", help=f"one of {names}")
     told = "recompute one whole run of every stored result, drawn at random"
-    verify = commands.add_parser("verify", help=told, epilog=f"Experiments: {names}")
+    ours = f"Experiments: {names}; and {', '.join(checks())}"
+    verify = commands.add_parser("verify", help=told, epilog=ours)
     verify.add_argument("experiment", nargs="*", help="all when none is named")
     how = verify.add_mutually_exclusive_group()
     how.add_argument("--whole", action="store_true", help="all runs, whole")
@@ -111,26 +112,25 @@ def _run(options: argparse.Namespace) -> int:
     return 0
 
 
-def _chosen(names: list[str] | None) -> list[Experiment]:
-    """The experiments that names stand for, each once; all when none is named."""
-    found = {e.name: e for name in names or known() for e in named(name)}
-    return list(found.values())
+def _chosen(names: Iterable[str]) -> list[Experiment]:
+    """The experiments that names stand for, each once."""
+    return list({e.name: e for name in names for e in named(name)}.values())
 
 
 def _verify(options: argparse.Namespace) -> int:
-    experiments, root = _chosen(options.experiment), options.results
-    check_readable(root)
-    if options.heads:
-        results = verify_heads(*experiments, root=root)
-    else:
-        results = verify(*experiments, root=root, rng=None if options.whole else _drawing(options))
-    bad = 0
-    for owner, label, found in results:
+    usual = [*known(), *(() if options.heads else checks())]
+    names, root = options.experiment or usual, options.results
+    experiments = _chosen(name for name in names if name not in checks())
+    store.check_readable(root)
+    rng = None if options.whole or options.heads else _drawing(options)
+    computed, bad = verify_heads if options.heads else partial(verify, rng=rng), 0
+    for owner, label, found in computed(*experiments, root=root):
         if options.record and not options.heads:
             record(owner, label, found, root)
         said = _told_of_heads(found) if options.heads else _told(found)
         print(f"{owner.name}/{label}: {said}", flush=True)
         bad += len(found.wrong)
+    bad += sum(checks()[name](root, rng) for name in names if name in checks())
     return 1 if bad else 0
 
 
@@ -154,8 +154,8 @@ def _told_of_heads(found: Whole) -> str:
 
 
 def _reproduce(options: argparse.Namespace) -> int:
-    experiments = _chosen(options.only)
-    check_readable(options.results)
+    experiments = _chosen(options.only or known())
+    store.check_readable(options.results)
     beside = f"reproduced-{options.runs}" if options.runs else "reproduced"
     fresh = options.fresh or Path("_build", beside)
     comparisons = reproduce(experiments, options.results, fresh, options.runs, **_workers(options))

@@ -230,5 +230,5 @@ def test_members_are_noted_once_and_the_farthest_counts_until_a_result_is_stored
 
 def test_a_torn_list_is_refused(tiny, stored):
     (stored / NAME).write_text(",".join(FIELDS) + "\ntiny/GVT,0,end\n")
-    with pytest.raises(store.TornResult, match="each line needs result, member"):
+    with pytest.raises(store.TornResult, match="lines need result, member"):
         recorded([(tiny, "GVT")], stored)

@@ -1,27 +1,27 @@
 """What runs, stores and verifies experiments. Packages offer theirs to the command line."""
 
 import functools
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from importlib.metadata import entry_points
+from pathlib import Path
+
+import numpy as np
 
 from vtlib.experiments.experiment import Experiment
 from vtlib.experiments.heads import live_check
 from vtlib.experiments.store import load, returns
 
-__all__ = ["installed", "known", "live_check", "load", "named", "returns"]
-
-GROUP = "vtlib.experiments"
+__all__ = ["checks", "installed", "known", "live_check", "load", "named", "returns"]
 
 
 @functools.cache
 def installed() -> Mapping[str, Mapping[str, Experiment]]:
     """Collections of experiments, by name, that installed packages offer.
 
-    A package offers one by an entry point of the group "vtlib.experiments", which leads to a
-    mapping from names to experiments. Without it an experiment of one's own runs, stores and
-    verifies all the same, from Python.
+    A package offers one by an entry point of the group "vtlib.experiments": a mapping from names
+    to experiments. Without it one's own run, are stored and verify all the same, from Python.
     """
-    return {one.name: one.load() for one in entry_points(group=GROUP)}
+    return {one.name: one.load() for one in entry_points(group="vtlib.experiments")}
 
 
 def known() -> dict[str, Experiment]:
@@ -36,3 +36,12 @@ def named(name: str) -> list[Experiment]:
     if name not in known():
         raise ValueError(f"unknown experiment {name!r}; known are {', '.join(known())}")
     return [known()[name]]
+
+
+@functools.cache
+def checks() -> Mapping[str, Callable[[Path, np.random.Generator | None], int]]:
+    """What `verify` calls beside its own, by name, as packages offer in the group "vtlib.checks".
+
+    Each says of the results in a folder, all or what a generator draws, how many are wrong.
+    """
+    return {one.name: one.load() for one in entry_points(group="vtlib.checks")}

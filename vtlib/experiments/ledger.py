@@ -57,7 +57,5 @@ def _read(root: Path) -> list[Line]:
     with path.open(newline="") as file:
         lines = list(csv.DictReader(file))
     if any(line.keys() != set(FIELDS) or None in line.values() for line in lines):
-        raise store.TornResult(
-            f"{path} is not what was written: each line needs {', '.join(FIELDS)}"
-        )
+        raise store.TornResult(f"{path} is not what was written: lines need {', '.join(FIELDS)}")
     return lines

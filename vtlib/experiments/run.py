@@ -1,9 +1,4 @@
-"""One batch of runs of an experiment: draw targets and sources, build the agents, train.
-
-``run_batch`` is the seam where whole runs can be handed to another engine: it is given an
-experiment, the label of an algorithm, which runs, and the weights of the pool, and returns the
-arrays that are stored.
-"""
+"""One batch of runs of an experiment: draw targets and sources, build the agents, train."""
 
 from collections.abc import Callable, Sequence
 

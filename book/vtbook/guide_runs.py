@@ -1,16 +1,16 @@
 """Judge transfer as it comes on four kinds of tasks that the library does not know.
 
-``python book/_ext/guide_runs.py`` computes what is missing under book/results/guide and stores it,
-one file for each task: it can be interrupted, and goes on where it was. With ``--check`` it
-computes everything again, stores nothing, and says what differs; tasks may be named.
+``python -m vtlib guide`` computes what is missing under book/results/guide and stores it, one file
+for each task: it can be interrupted, and goes on where it was. ``python -m vtlib verify guide``
+computes everything again, stores nothing, and says what differs.
 """
 
 from __future__ import annotations
 
-import argparse
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import gymnasium as gym
 import numpy as np
@@ -27,25 +27,26 @@ from vtlib.stats import same_distribution_p
 RUNS, SEED = 20, 1  # fixed before any of the runs was looked at
 UNLEARNED = ("sources", "best source", "weights", "own")
 LEVEL = 1e-3  # below which a p value tells two distributions apart
-FOLDER = Path(__file__).resolve().parents[1] / "results" / "guide"
+NAME = "guide"  # of their folder among the results
 
 
 def cartpole(length: float) -> gym.Env:
     """Gymnasium's cartpole with half a pole of some length, 100 steps."""
     env = gym.make("CartPole-v1", max_episode_steps=100)
-    env.unwrapped.length = length
+    pole: Any = env.unwrapped
+    pole.length = length
     return env
 
 
 def acrobot(length: float) -> gym.Env:
     """Gymnasium's Acrobot whose upper link has some length, 200 steps."""
     env = gym.make("Acrobot-v1", max_episode_steps=200)
-    env.unwrapped.LINK_LENGTH_1 = length
-    env.unwrapped.LINK_COM_POS_1 = length / 2
+    links: Any = env.unwrapped
+    links.LINK_LENGTH_1, links.LINK_COM_POS_1 = length, length / 2
     return env
 
 
-class WindyGrid(gym.Env):
+class WindyGrid(gym.Env[np.ndarray, np.int64]):
     """From the left of 8 x 8 cells to a goal on the right; each step costs 1.
 
     In the four columns between, the wind blows the walker one cell up with a probability: down,
@@ -59,13 +60,13 @@ class WindyGrid(gym.Env):
         self.observation_space = gym.spaces.Box(-1, 1, (2,), np.float32)
         self.action_space = gym.spaces.Discrete(4)
 
-    def reset(self, *, seed: int | None = None, options: dict | None = None) -> tuple:
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> Any:
         """Begin in the left column, in any row."""
         super().reset(seed=seed)
         self._cell = np.array([0, self.np_random.integers(8)])
         return self._seen(), {}
 
-    def step(self, action: int) -> tuple:
+    def step(self, action: np.int64) -> Any:
         """Walk, and be blown."""
         cell = self._cell + self.MOVES[action]
         if 2 <= self._cell[0] <= 5 and self.np_random.random() < abs(self.wind):
@@ -194,21 +195,14 @@ def alike(key: str, stored: np.ndarray, again: np.ndarray, same: bool) -> bool:
     return same_distribution_p(stored.astype(float), again.astype(float), rng) > LEVEL
 
 
-def main() -> None:
-    """Compute and store what is missing, or check what is stored."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("tasks", nargs="*", metavar="TASK", help="such as windy-grid-within")
-    parser.add_argument("--folder", type=Path, default=FOLDER)
-    parser.add_argument("--check", action="store_true", help="compute again and compare")
-    options = parser.parse_args()
-    if unknown := set(options.tasks).difference(TASKS):
-        parser.error(f"{unknown.pop()} is none of {', '.join(TASKS)}")
-    torch.set_num_threads(1)
-    (check if options.check else complete)(options.tasks or TASKS, options.folder)
+def main() -> int:
+    """Compute and store what is missing."""
+    complete(TASKS, store.results_folder() / NAME)
+    return 0
 
 
 def complete(tasks: list[str], folder: Path) -> None:
-    """Compute and store what is missing."""
+    """Compute and store what is missing of some tasks."""
     store.check_writable(folder)
     for task in tasks:
         if store.exists(folder / task):
@@ -219,15 +213,18 @@ def complete(tasks: list[str], folder: Path) -> None:
         print(f"{task}: {seconds:.0f} s", flush=True)
 
 
-def check(tasks: list[str], folder: Path) -> None:
-    """Say of each task whether it is stored as it is computed again; exit code 1 if one is not."""
-    bad = False
-    for task in tasks:
+def verify(root: Path, rng: np.random.Generator | None = None) -> int:
+    """Say of all tasks, or of one that rng draws, what is stored otherwise; how many are.
+
+    Results that were computed anew hold none of them.
+    """
+    folder, wrong = root / NAME, 0
+    if not folder.exists():
+        print(f"{NAME}: nothing stored under {root}", flush=True)
+        return 0
+    for task in TASKS if rng is None else [str(rng.choice(TASKS))]:
         found = differing(task, folder)
-        bad |= bool(found)
-        print(f"{task}: {'DIFFERENT in ' + ', '.join(found) if found else 'as stored'}", flush=True)
-    raise SystemExit(int(bad))
-
-
-if __name__ == "__main__":
-    main()
+        said = f"DIFFERS in {', '.join(found)}" if found else "verified"
+        print(f"{NAME}/{task}: {said}", flush=True)
+        wrong += bool(found)
+    return wrong
