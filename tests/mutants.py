@@ -73,6 +73,7 @@ FAULTS: dict[str, list[tuple[str, str]]] = {
     "vtlib/qfunctions": [
         (".mul_(into.sign())", ".mul_(into)"),
         ("delta.sum(-1), *parts]", "delta.mean(-1), *parts]"),
+        ("mask = passed[1].sign()", "mask = passed[1]"),
         ("(axes[:, 0].unsqueeze(2) * axes[:, 1]", "(axes[:, 1].unsqueeze(2) * axes[:, 0]"),
     ],
     "vtlib/transfer": [
@@ -109,20 +110,6 @@ FAULTS: dict[str, list[tuple[str, str]]] = {
     "vtlib/replay": [
         ("at = self._added % self._capacity", "at = self._added % (self._capacity + 1)"),
     ],
-    "book/vtbook/zero_shot": [
-        ('episodes, "max")', 'episodes, "mean")'),
-        ("weights[chosen_sources(experiment, runs)]", "weights[: experiment.sources][None]"),
-    ],
-    "vtlib/stats": [
-        ("ppf(0.975,", "ppf(0.95,"),
-        ("len(values) - 1)", "len(values))"),
-        (", append=np.inf) > 0", ", append=np.inf) >= 0"),
-    ],
-    "vtlib/experiments/sources": [
-        ("            passed &= pool.family.solved", "            pool.family.solved"),
-        ("torch.where(passed, again.mean(1), earned)", "earned"),
-        ('fresh", sources)', 'fresh", range(len(sources)))'),
-    ],
     "vtlib/envs/episodes": [
         (">= tasks.horizon", "> tasks.horizon"),
         ("clamp(1, self._finished.shape[1])", "clamp(1)"),
@@ -136,11 +123,19 @@ FAULTS: dict[str, list[tuple[str, str]]] = {
         ("<= GOAL_RADIUS**2", "<= 2 * GOAL_RADIUS**2"),
         ("(aimed != proposed).any(1", "(aimed != proposed).all(1"),
     ],
+    "vtlib/envs/cartpole/tasks": [
+        ("moment * spin.square() * sin", "moment * spin * sin"),
+        ("> POSITION_LIMIT)", "> 2 * POSITION_LIMIT)"),
+        ("torch.stack([velocity,", "torch.stack([velocity + TIME_STEP * acceleration,"),
+    ],
     "vtlib/envs/mountain_car/tasks": [
+        ("velocity.masked_fill(at_wall, 0.0)", "velocity"),
         ("torch.where(terminated, self.last_reward, -1.0)", "terminated.float() - 1"),
     ],
     "vtlib/envs/maze/tasks": [
         ("(share * count)", "(share * 100)"),
+        ("% (2 * math.pi)", "% math.pi"),
+        ("directions(pose[2]) + jolt[:2]", "directions(pose[2])"),
     ],
     "vtlib/envs/maze/geometry": [
         ("line = cell + 0.5 + (0.5 - CLEARANCE) * sign", "line = cell + 0.5 + 0.5 * sign"),

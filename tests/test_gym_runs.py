@@ -80,8 +80,8 @@ def test_what_was_learned_must_beat_the_source_by_its_standard_error(monkeypatch
     played = gym_runs._play
     returns = iter([(1.0, 1.0), (0.0, 0.0), ours])  # of both sources and what was learned
 
-    def play(*arguments):
-        return attrs.evolve(played(*arguments), returns=torch.tensor([next(returns)]))
+    def play(*args, **given):
+        return attrs.evolve(played(*args, **given), returns=torch.tensor([next(returns)]))
 
     monkeypatch.setattr(gym_runs, "_play", play)
     learned = transfer([Corridor()], Q, SOURCES[:2], 2, TRANSFER, trials=2)
@@ -146,6 +146,7 @@ def test_what_was_learned_is_saved_whole(settings, tmp_path):
 def test_a_file_that_is_not_whole_is_named(tmp_path):
     (tmp_path / "cut.npz").write_bytes(b"PK\x03\x04 cut")
     np.savez(tmp_path / "other.npz", weights=np.zeros(3))
+    np.save(tmp_path / "array.npy", np.zeros((2, 3)))
     for path in tmp_path.iterdir():
         with pytest.raises(TornResult, match=rf"{path.name} is not what Learned\.save wrote"):
             Learned.load(path)
@@ -158,6 +159,7 @@ def test_a_file_that_is_not_whole_is_named(tmp_path):
          r"has not ended after 50 steps: gymnasium\.wrappers\.Time"),
         (partial(solve, [NAN], Q, 10), "not finite: .* gave a reward of nan"),
         (partial(transfer, [ENV], Q, SOURCES, 10, 0), "settings must be"),
+        (partial(transfer, [ENV], Q, SOURCES, 10, device="cuda:99"), r"device .*got 'cuda:99'"),
         (partial(solve, [ENV, ENV], Q, 10), "one is given twice"),
         (partial(solve, [Corridor(space=(2, 2))], Q, 10), "FlattenObservation makes one of it"),
         (partial(solve, [ENV], MLP((4, 8, 3)), 10), "the environments' 2 actions, got 3"),

@@ -23,9 +23,11 @@ def test_the_pdf_has_every_page_in_the_order_of_the_contents(extension):
     assert {Path(name).name for name in named} == {page.stem for page in ROOT.glob("book/*.md")}
 
 
-def test_a_printed_page_shows_no_code_bars(book: Path, page) -> None:
+def test_a_printed_page_shows_no_code_bars_and_figures_of_lines(book, page, extension):
     bars = page.locator("details.hide, div.cell_input:has(> details.hide)")
-    page.goto((book / "book" / "background.html").as_uri(), wait_until="load")
+    page.goto((book / "book" / "rooms_evaluation.html").as_uri(), wait_until="load")
+    page.evaluate(extension("pdf").VECTORS)
+    assert page.locator("figure img[src$='.svg']").count() >= 2
     for media, shown in (("screen", True), ("print", False)):
         page.emulate_media(media=media)
         assert bars.evaluate_all("all => all.some(one => one.checkVisibility())") == shown

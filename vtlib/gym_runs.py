@@ -1,8 +1,8 @@
 """Solve, transfer and evaluate on ordinary Gymnasium environments, one call each."""
 
 import io
-import zipfile
 from collections.abc import Callable, Sequence
+from functools import partial
 from itertools import islice
 from pathlib import Path
 from typing import Self
@@ -16,7 +16,7 @@ from torch import Tensor
 from tqdm import tqdm
 
 from vtlib.baselines import DDQNSettings, FineTuning, LearnerSettings, MellowTDSettings
-from vtlib.checks import check_kind, check_weights, check_whole
+from vtlib.checks import check_kind, check_weights, check_whole, shown
 from vtlib.envs.episodes import GymEpisodes
 from vtlib.experiments.store import TornResult, write_bytes
 from vtlib.qfunctions import QFunction
@@ -59,12 +59,11 @@ class Learned:
     @classmethod
     def load(cls, path: str | Path) -> Self:
         """What was saved; TornResult names a file that is not whole or holds something else."""
+        whole = io.BytesIO(Path(path).read_bytes())
         try:
-            whole = io.BytesIO(Path(path).read_bytes())
             with np.load(whole, allow_pickle=False) as stored:
-                parts = {name: torch.from_numpy(stored[name]) for name in stored}
-            return cls(**parts)
-        except (TypeError, ValueError, EOFError, zipfile.BadZipFile) as error:
+                return cls(**{name: torch.from_numpy(stored[name]) for name in stored})
+        except Exception as error:  # junk fails in as many ways as its readers have
             raise TornResult(f"{path} is not what Learned.save wrote: {error}") from error
 
     def _parts(self) -> dict[str, Tensor | None]:
@@ -125,27 +124,29 @@ def transfer(
     check_weights("sources", sources, "source", q.d)
     settings = Recommended() if settings is None else settings
     check_kind("settings", settings, Settings | FineTuning | Recommended)
+    where = "cpu" if isinstance(settings, FineTuning) else device  # only posteriors go elsewhere
+    try:
+        torch.empty(0, device=where)
+    except (RuntimeError, AssertionError, TypeError) as error:
+        raise ValueError(f"device must be one that torch has here, got {shown(device)}") from error
     gamma = (settings.learner if isinstance(settings, FineTuning) else settings).gamma
     name, sources = _name("transfer", seed), sources.detach().cpu()
     shared = sources.expand(len(envs), *sources.shape)
     steps = torch.zeros(len(envs), dtype=torch.int64)
+    play = partial(_play, envs, q, episodes=trials, name=f"{name} trial", gamma=gamma)
     if trials:
-        tried = [
-            _play(envs, q, shared[:, [i]], trials, f"{name} trial", gamma)
-            for i in range(len(sources))
-        ]
+        tried = [play(weights=shared[:, [i]]) for i in range(len(sources))]
         steps += torch.stack([x.steps for x in tried]).sum(0)
         earned = torch.stack([x.returns for x in tried], 1)
         order = torch.argsort(-earned.mean(2), dim=1, stable=True)
         shared = shared.gather(1, order.unsqueeze(2).expand_as(shared))
     episodes, rng = _episodes(envs, q, name, gamma), Rng(name, range(len(envs)))
-    where = "cpu" if isinstance(settings, FineTuning) else device  # only posteriors go elsewhere
     agent = settings.agent(q, shared.to(where), episodes.obs_dim, rng)
     learned = _learn(agent, episodes, iterations, name, callback, progress)
     learned = evolve(learned, steps=learned.steps + steps)
     if not trials:
         return learned
-    ours = _play(envs, q, learned.weights, trials, f"{name} trial", gamma)
+    ours = play(weights=learned.weights)
     gain = ours.returns - earned[torch.arange(len(envs)), order[:, 0]]
     improved = gain.mean(1) >= gain.std(1, correction=0) / max(1, trials - 1) ** 0.5
     weights = torch.where(improved.view(-1, 1, 1), learned.weights, shared[:, :1])

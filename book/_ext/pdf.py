@@ -23,6 +23,13 @@ MARGIN = {"top": "18mm", "bottom": "18mm", "left": "16mm", "right": "16mm"}
 NUMBER = """<div style="font-size: 8px; text-align: center; width: 100%">
 <span class="title"></span>, <span class="pageNumber"></span></div>"""
 
+# Pictures by their lines and letters, in the size that their dots had.
+VECTORS = """() => Promise.all([...document.querySelectorAll('img[data-vector]')].map(one => {
+  one.width = one.naturalWidth;
+  one.src = one.dataset.vector;
+  return one.decode();
+})).then(() => null)"""
+
 
 def in_order(entry: dict[str, Any], depth: int = 0) -> Iterator[tuple[str, int]]:
     """Pages of a part of the table of contents with how deep they lie."""
@@ -47,6 +54,7 @@ def print_pages(html: Path, target: Path) -> None:
         for name, depth in in_order(toc):
             page.goto((html / f"{name}.html").as_uri(), wait_until="load")
             page.wait_for_timeout(2000)  # formulas are typeset and sliders draw their pictures
+            page.evaluate(VECTORS)
             data = page.pdf(
                 format="A4",
                 scale=0.8,  # lines as long as on the screen

@@ -15,6 +15,7 @@ from vtlib.envs.draw import ARROW
 
 # Okabe and Ito's palette, told apart with any colour vision.
 BLUE, ORANGE, GREEN, GREY, BLACK = "#0072B2", "#D55E00", "#009E73", "#6b6b6b", "#1a1a1a"
+FONT = 11  # points, of what stands in a drawing
 FINE: dict[Any, Any] = {  # by matplotlib's names of its settings, beside those of every figure
     "legend.fontsize": 8.5,
     "legend.handlelength": 1.4,

@@ -11,8 +11,6 @@ from matplotlib.figure import Figure
 INK, GREY, GROUND, WALL = "#1a1a1a", "#8a8a8a", "#e6e6e6", "#3c3c3c"
 BODY, POLE, ARROW, FLAG = "#0072B2", "#E69F00", "#D55E00", "#009E73"
 
-FONT = 11
-
 
 def picture(draw: Callable[[Axes], None], size: tuple[int, int]) -> np.ndarray:
     """What `draw` puts on axes, (height, width, 3) uint8; `size` is in pixels, width first."""

@@ -93,8 +93,7 @@ def run_batch(
     run (R,), iterations (T,) at which returns were recorded, learning and greedy returns (R, T),
     fingerprints (R, 3, 4), and whatever the experiment's visits and probes add, over the runs.
     weights and device are as for ``prepare``; progress is told the iteration at each record, and
-    stops the training by returning False. Another engine that keeps these arrays can stand here,
-    as the kernels do where they know the environment and nothing but returns is asked for.
+    stops the training by returning False. Another engine can stand here, as the kernels do.
     """
     names = [f"run {run} of {experiment.name}, {label}" for run in runs]
     how = experiment.iterations, experiment.every, names, progress
