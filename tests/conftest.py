@@ -17,6 +17,7 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
+import psutil
 import pytest
 
 from vtbook import widgets
@@ -80,6 +81,14 @@ def pytest_runtest_setup() -> None:
     """Take back the processor of a build that is done."""
     if STATUS.exists():
         keep_to(CORES)
+
+
+def lend_all_cores() -> None:
+    """Let the build, and what it has begun, use the processors of those who wait for it."""
+    with contextlib.suppress(psutil.NoSuchProcess):
+        for one in psutil.Process(int(GROUP.read_text())).children(recursive=True):
+            if CORES:
+                one.cpu_affinity(CORES)
 
 
 def pytest_sessionfinish(session: pytest.Session) -> None:
@@ -154,6 +163,7 @@ def build_faults() -> list[str]:
     if BUILT in os.environ:
         return []
     until = time.monotonic() + BUILD_LIMIT
+    lend_all_cores()
     while not (STATUS.exists() and (status := STATUS.read_text().strip())):
         assert time.monotonic() < until, "the book takes too long to build"
         time.sleep(0.5)

@@ -17,7 +17,6 @@ ELSEWHERE = {
     "vtlib/priors": "tests/test_priors.py tests/test_algorithm1.py tests/test_transfer.py",
     "vtlib/posteriors/": "tests/posteriors",
     "vtlib/transfer": "tests/test_transfer.py tests/test_bad_input.py tests/test_algorithm1.py",
-    "vtlib/replay": "tests/test_replay.py tests/test_transfer.py",
     "vtlib/envs/": "tests/envs",
 }
 # those that any test would find, such as another sign, are left out
@@ -87,7 +86,6 @@ FAULTS: dict[str, list[tuple[str, str]]] = {
     ],
     "vtlib/recommended": [
         ("torch.maximum(self._eta", "torch.minimum(self._eta"),
-        ("self._updates - 1", "0 * self._updates"),
         ("patience=FIRST", "patience=0"),
         ("super()._thompson() * self._unit", "super()._thompson()"),
         ("alpha_L=SHARE *", "alpha_L=8 *"),
@@ -96,19 +94,6 @@ FAULTS: dict[str, list[tuple[str, str]]] = {
         ("error.clamp_(-1, 1)", "error.clamp_(-2, 2)"),
         ("% self._settings.target_every == 0", "% self._settings.target_every == 1"),
         ("best = q.q(self.mu, following)", "best = q.q(self._target, following)"),
-        ("(s.epsilon_end - s.epsilon_start)", "s.epsilon_end"),
-        ("epsilon = s.epsilon_start + progress", "epsilon = 1 + progress"),
-    ],
-    "vtlib/training": [
-        ("if t % every == 0:", "if t % every == 1:"),
-        ("if t in FINGERPRINTS", "if t < 50"),
-    ],
-    "vtlib/evaluation": [
-        ("values.amax(1) if", "values.mean(1) if"),
-        ("mu.split(1, 1)", "mu[:, :1].split(1, 1)"),
-    ],
-    "vtlib/replay": [
-        ("at = self._added % self._capacity", "at = self._added % (self._capacity + 1)"),
     ],
     "vtlib/envs/episodes": [
         (">= tasks.horizon", "> tasks.horizon"),

@@ -46,8 +46,7 @@ async def run_all(pages: dict[Path, NotebookNode], timeout: int) -> list[float]:
     """Run pages side by side, in their order; the seconds that each took."""
     if not pages:
         return []
-    free = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
-    room = asyncio.Semaphore(min(free or 1, AT_MOST))
+    room = asyncio.Semaphore(min(os.cpu_count() or 1, AT_MOST))
     with forked() as manager:
         how = {"timeout": timeout, "kernel_manager_class": manager}
         return await asyncio.gather(*(run(*one, room, **how) for one in pages.items()))

@@ -20,7 +20,6 @@ from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 from matplotlib.legend import Legend
 from matplotlib.text import Text
-from matplotlib.transforms import Bbox
 from matplotlib.typing import LineStyleType
 from PIL import Image
 from xarray import Dataset
@@ -113,6 +112,10 @@ def _drawn(figure: Figure) -> Image.Image:
     figure.set_dpi(STYLE["savefig.dpi"])
     canvas = FigureCanvasAgg(figure)
     canvas.draw()
+    return _pixels(figure, canvas)
+
+
+def _pixels(figure: Figure, canvas: FigureCanvasAgg) -> Image.Image:
     check_inside(figure)
     return Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB")
 
@@ -308,23 +311,50 @@ def _spelled(name: str) -> str:
     return re.sub(r"1e-\d+", lambda found: power_of_ten(float(found[0])), name)
 
 
-def small_png(figure: Figure, colours: int = 64, places: list[Bbox] | None = None) -> bytes:
-    """The figure as a PNG with a palette: a tenth of the bytes, for pages with many pictures.
+class Series:
+    """Figures of one panel that differ in its last curve and its title: the rest is drawn once.
 
-    places: where panels stand, of a series of figures that differ in their curves alone. The first
-    fills the empty list; those after it need not be laid out, which takes as long as drawing.
+    The figure's own title has a line, which those of the pictures take, and another that stays.
     """
-    if places:
+
+    def __init__(self, figure: Figure, curves: int) -> None:
+        _drawn(figure)  # which lays it out
         figure.set_layout_engine("none")
-        for ax, place in zip(figure.axes, places, strict=True):
-            ax.set_position(place)
-    drawn = _drawn(figure)
-    if places is not None:
-        places[:] = [ax.get_position() for ax in figure.axes]
-    # thirty times as fast as the median cut, and as near to the colours: there are few of them
-    picture = drawn.quantize(colours, Image.Quantize.FASTOCTREE)
+        self._figure, (self._ax,) = figure, figure.axes
+        self._shade: Any = self._ax.collections[curves - 1]
+        self._line, self._ends = self._ax.lines[curves - 1], self._ax.lines[-1]
+        self._title = self._ax.set_title(self._ax.get_title(loc="left"), loc="left")
+        self._below = self._title.get_text().partition("\n")[2]
+        self._moving = self._shade, self._line, self._ends, self._title
+        for one in self._moving:
+            one.set_animated(True)
+        self._canvas = FigureCanvasAgg(figure)
+        self._canvas.draw()
+        self._rest = self._canvas.copy_from_bbox(figure.bbox)
+
+    def png(self, runs: Dataset, kind: str, title: str, colours: int) -> bytes:
+        """The figure with the returns of some runs for its last curve, as ``small_png``."""
+        at, values = runs.iteration.values, runs[kind].values
+        band = mean_interval(values)
+        self._shade.set_data(at, band.low, band.high)
+        self._line.set_data(at, band.centre)
+        self._ends.set_ydata(values[:, -1])
+        self._title.set_text(f"{title}\n{self._below}")
+        self._canvas.restore_region(self._rest)
+        for one in self._moving:
+            self._ax.draw_artist(one)
+        return _palette_png(_pixels(self._figure, self._canvas), colours)
+
+
+def small_png(figure: Figure, colours: int = 64) -> bytes:
+    """The figure as a PNG with a palette: a tenth of the bytes, for pages with many pictures."""
+    return _palette_png(_drawn(figure), colours)
+
+
+def _palette_png(picture: Image.Image, colours: int) -> bytes:
     out = io.BytesIO()
-    picture.save(out, format="png", optimize=True)
+    # thirty times as fast as the median cut, and as near to the colours: there are few of them
+    picture.quantize(colours, Image.Quantize.FASTOCTREE).save(out, format="png", optimize=True)
     return out.getvalue()
 
 

@@ -6,13 +6,12 @@ import functools
 from collections.abc import Callable, Mapping, Sequence
 
 from ipywidgets import VBox
-from matplotlib.transforms import Bbox
 from xarray import Dataset
 
 from vtbook import widgets
 from vtbook.claims import Runs
 from vtbook.experiments.grids import count_name, slider_name
-from vtbook.plots import image_html, look, power_of_ten, returns_figure, small_png
+from vtbook.plots import Series, image_html, look, power_of_ten, returns_figure
 from vtbook.tables import told
 from vtlib.experiments import returns
 from vtlib.experiments.experiment import Experiment
@@ -45,7 +44,7 @@ def setting_sliders(
         numbers = [(f"{n}", n) for n in counts]
         axes.append(widgets.Axis("sources", "number of sources", numbers, len(counts) - 1))
 
-    beside, places = functools.cache(references), list[Bbox]()
+    beside, drawn = functools.cache(references), dict[tuple[object, ...], Series]()
 
     @functools.cache
     def stored(setting: Setting, count: tuple[int, ...]) -> Runs:
@@ -57,8 +56,9 @@ def setting_sliders(
         setting, usual = (lambda_, psi, posterior), (own.lambda_, own.psi, posterior)
         mine, theirs = stored(setting, count), stored(usual, count)
         words = setting_words(setting, usual, mine, theirs)
-        drawn = setting_picture(beside(*count), mine, setting, grid.family.limits, places)
-        return f"{drawn}<p>{words}</p>"
+        if (which := (posterior, *count)) not in drawn:
+            drawn[which] = setting_series(beside(*count), mine, posterior, grid.family.limits)
+        return f"{setting_picture(drawn[which], mine, setting)}<p>{words}</p>"
 
     return widgets.still_sliders(axes, picture)
 
@@ -98,22 +98,24 @@ def meaning(setting: Setting, usual: Setting, gap: Interval) -> str:
     return "worse, and both λ and ψ have moved"
 
 
-def setting_picture(
-    references: Mapping[str, Dataset],
-    mine: Runs,
-    setting: Setting,
-    limits: tuple[float, float],
-    places: list[Bbox],
-) -> str:
-    """Learning returns with a setting over those of references, as an HTML picture of a series."""
+def setting_series(
+    references: Mapping[str, Dataset], mine: Runs, posterior: str, limits: tuple[float, float]
+) -> Series:
+    """Learning returns with one posterior, in any of its settings, over those of references."""
+    runs = {label: first_runs(other, mine.stored) for label, other in references.items()}
+    runs[posterior] = mine.stored
+    with look():
+        return Series(returns_figure(runs, limits, LEARNING, "λ", NARROW), len(runs))
+
+
+def setting_picture(series: Series, mine: Runs, setting: Setting) -> str:
+    """A setting's learning returns as an HTML picture of its posterior's series."""
     (lambda_, psi, posterior), stored = setting, mine.stored
-    runs = {label: first_runs(other, stored) for label, other in references.items()}
     end = float(stored.learning[:, -1].mean())
     alt = f"Learning return with lambda = {lambda_:.0e}, psi = {psi:g}, {posterior}; "
     title = f"λ = {power_of_ten(lambda_)}, ψ = {psi:g}, {posterior}"
-    with look():
-        figure = returns_figure({**runs, posterior: stored}, limits, LEARNING, title, NARROW)
-        return image_html(small_png(figure, 32, places), f"{alt}final learning return {end:.2f}.")
+    png = series.png(stored, "learning", title, 32)
+    return image_html(png, f"{alt}final learning return {end:.2f}.")
 
 
 def first_runs(runs: Dataset, other: Dataset) -> Dataset:
