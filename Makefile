@@ -41,13 +41,13 @@ help:
 	@sed -n '/^#   make/s/^#   //p' Makefile
 
 book: $(KERNELS)
-	@echo "==> Building the book: about 8 minutes the first time, seconds when little has changed."
+	@echo "==> Building the book: 3 to 8 minutes the first time, seconds when little has changed."
 	@$(BIN)/python book/_ext/build.py $(if $(ONLINE),--online)
 
 # The book is built beside the other tests: one thread each, or they wait for each other.
 test: export OMP_NUM_THREADS := 1
 test: $(KERNELS)
-	@echo "==> Testing: 15 to 30 minutes on two cores (linter, library, book from scratch, browser)."
+	@echo "==> Testing: 10 to 30 minutes on two cores (linter, library, book from scratch, browser)."
 	@$(MAKE) --no-print-directory -j2 lint pytest
 
 pytest: $(KERNELS)

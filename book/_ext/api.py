@@ -13,6 +13,7 @@ from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any
 
+import attrs
 from equations import computed_by, formulas
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -48,7 +49,7 @@ def section(name: str) -> str:
 def overview(names: list[str]) -> str:
     """Markdown of a table of modules with the first sentence of each."""
     rows = "\n".join(f"   {name}" for name in names)
-    return f"```{{eval-rst}}\n.. autosummary::\n\n{rows}\n```\n"
+    return f"```{{eval-rst}}\n.. autosummary::\n   :nosignatures:\n\n{rows}\n```\n"
 
 
 def list_modules(app: Any, docname: str, source: list[str]) -> None:
@@ -120,6 +121,21 @@ def read_docstring(
     lines[:] = [*converted(lines), *add_equations(name)]
 
 
+def write_defaults(
+    app: Any, what: str, name: str, obj: Any, options: Any, signature: str, returns: str
+) -> tuple[str, str] | None:
+    """Name the defaults of an attrs class, whose generated code looks them up."""
+    if not (what == "class" and attrs.has(obj) and signature):
+        return None
+    fields = attrs.fields_dict(obj)
+
+    def default(found: re.Match) -> str:
+        return repr(fields[found[1]].default)
+
+    signature = re.sub(r"attr_dict\['(\w+)'\]\.default", default, signature)
+    return signature.replace("= NOTHING", "= ..."), returns
+
+
 def skip_field(app: Any, what: str, name: str, obj: Any, skip: bool, options: Any) -> bool | None:
     """Leave out what a named tuple says of its fields, 'Alias for field number 0'."""
     alias = (getattr(obj, "__doc__", None) or "").startswith("Alias for field number")
@@ -133,5 +149,6 @@ def setup(app: Any) -> dict[str, Any]:
     app.setup_extension("sphinx.ext.napoleon")
     app.connect("source-read", list_modules)
     app.connect("autodoc-process-docstring", read_docstring)
+    app.connect("autodoc-process-signature", write_defaults)
     app.connect("autodoc-skip-member", skip_field)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

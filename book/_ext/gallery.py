@@ -22,6 +22,7 @@ from docutils import nodes
 from docutils.parsers.rst import Directive
 from myst_nb.sphinx_ import NbMetadataCollector
 from PIL import Image
+from sphinx import addnodes
 
 PAGE = "book/gallery"
 WIDTH = 480  # pixels, twice what a thumbnail takes on the page
@@ -30,7 +31,8 @@ GREEK = {  # by their names in TeX
     name.rsplit(" ", 1)[1].lower(): chr(code)
     for code in range(0x3B1, 0x3CA)
     if (name := unicodedata.name(chr(code))) and "FINAL" not in name
-} | {"lambda": "λ"}
+} | {"lambda": "λ", "varepsilon": "ε"}
+RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 VIEW = "application/vnd.jupyter.widget-view+json"
 PICTURE = re.compile(r'<img alt="(.*?)".*?src="data:image/png;base64,(.*?)"', re.DOTALL)
 
@@ -65,15 +67,26 @@ def in_order(env: Any, docname: str) -> Iterator[str]:
         yield from in_order(env, child)
 
 
-def caption_of(figure: nodes.figure) -> str:
+def numbered(env: Any) -> dict[str, str]:
+    """The number of each figure of the book by its target."""
+    pages = (page.get("figure", {}) for page in env.toc_fignumbers.values())
+    return {x: ".".join(map(str, number)) for page in pages for x, number in page.items()}
+
+
+def caption_of(figure: nodes.figure, numbers: dict[str, str]) -> str:
     """The first sentence of a figure's caption as plain text, without the thesis' number."""
-    words = " ".join(plain(figure.next_node(nodes.caption).astext()).split())
+    caption = figure.next_node(nodes.caption).deepcopy()
+    for other in list(caption.findall(addnodes.pending_xref)):
+        if other["reftarget"] in numbers:
+            other.replace_self(nodes.Text(f"Figure {numbers[other['reftarget']]}"))
+    words = " ".join(plain(caption.astext()).split())
     sentence = re.split(r"(?<=[a-z)\d])[.;] ", re.sub(r"^\(.*?\) ", "", words))[0]
-    return textwrap.shorten(sentence.rstrip("."), 120, placeholder=" …")
+    return textwrap.shorten(sentence.rstrip("."), 120, placeholder=" …", break_on_hyphens=False)
 
 
 def plain(text: str) -> str:
-    """Text with its formulas in letters: Greek ones by their names, digits lowered."""
+    """Text with its formulas in letters: Greek ones by their names, digits lowered or raised."""
+    text = re.sub(r"\^\{?(-?\d+)\}?", lambda found: found[1].translate(RAISED), text)
     text = re.sub(r"\beq-(\d)-(\d+)", r"equation (\1.\2)", text)
     text = re.sub(r"_\{?(\d)\}?", lambda found: chr(0x2080 + int(found[1])), text)
     text = re.sub(r"\\([a-z]+)", lambda found: GREEK.get(found[1], ""), text)
@@ -111,13 +124,13 @@ def picture_of(app: Any, docname: str, figure: nodes.figure) -> tuple[str, bytes
 
 def figures(app: Any, docname: str) -> Iterator[Shown]:
     """The figures of one page, in its order."""
-    numbers = app.env.toc_fignumbers.get(docname, {}).get("figure", {})
+    numbers = numbered(app.env)
     for figure in app.env.get_doctree(docname).findall(nodes.figure):
         target = next((one for one in figure["ids"] if one in numbers), None)
         picture = picture_of(app, docname, figure) if target else None
         if picture:
-            number = ".".join(map(str, numbers[target]))
-            yield Shown(figure["ids"][0], number, caption_of(figure), *picture)
+            words = caption_of(figure, numbers)
+            yield Shown(figure["ids"][0], numbers[target], words, *picture)
 
 
 def thumbnail(png: bytes) -> bytes:

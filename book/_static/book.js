@@ -98,7 +98,9 @@ document.addEventListener("DOMContentLoaded", () => {
 document.addEventListener("DOMContentLoaded", () => {
   for (const source of document.querySelectorAll("figure picture source")) {
     const caption = source.closest("figure").querySelector("figcaption");
-    if (/\b(left|right)\b/i.test(caption?.innerText)) caption.classList.add("names-sides");
+    const words = caption?.cloneNode(true);
+    words?.querySelectorAll("em").forEach((name) => name.remove()); // of actions, such as left
+    if (/\b(left|right)\b/i.test(words?.textContent)) caption.classList.add("names-sides");
   }
   for (const words of document.querySelectorAll("figcaption, .bd-article section > p")) {
     if (/\b(black|white)\b/.test(words.innerText)) words.classList.add("names-shades");

@@ -24,8 +24,9 @@
       const pen = this.canvas.getContext("2d");
       pen.clearRect(0, 0, this.canvas.width, this.canvas.height);
       this.drawRooms(pen);
-      pen.fillStyle = pen.strokeStyle = this.run.colour;
-      pen.globalAlpha = 0.4;
+      const ink = getComputedStyle(this.canvas).color; // light on dark pages
+      pen.fillStyle = pen.strokeStyle = `color-mix(in oklab, ${this.run.colour} 70%, ${ink})`;
+      pen.globalAlpha = 0.5;
       for (let step = 0; step < until; step++) {
         const [x, y] = this.at(step);
         pen.fillRect(x - 1, y - 1, 2, 2);

@@ -10,14 +10,15 @@ from typing import Any
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.gridspec import GridSpec, SubplotSpec
+from matplotlib.gridspec import GridSpec, GridSpecBase, SubplotSpec
 from matplotlib.text import Text
 
 WIDTH = 3.8  # inches, at 96 pixels to an inch what a page leaves of 390 pixels
 SMALLEST = 9.5  # points
-LOWEST, TALLEST = {1: 2.1, 2: 1.5}, 2.3  # inches, of curves with what is written around them
-BESIDE = 24  # letters in a line of a label
-LETTERS = {1: 46, 2: 15, 4: 8}  # in the title of a panel, by the columns
+LOWEST, TALLEST = {1: 2.1, 2: 1.5, 3: 1.5}, 2.3  # inches, of curves with what is around them
+ROWS, OF_ROW = 12, 0.17  # more names beside a panel than these make it taller, by inches each
+BESIDE = 24  # letters in a line of a label, and half of them below a panel with so many names
+LETTERS = {1: 46, 2: 15, 3: 14, 4: 8, 5: 6}  # in the title of a panel, by the columns
 MANY = {True: (6,), False: (2, 8)}  # panels of curves, or maps: more have twice the columns
 Panels = dict[Axes, SubplotSpec]
 Change = Callable[[Callable[[Any], Any], Any, Any], None]
@@ -40,10 +41,12 @@ def narrow(figure: Figure) -> Iterator[None]:
         setter(new)
 
     panels = panels_of(figure)
-    curves = all(ax.get_aspect() == "auto" for ax in panels)
-    columns = 2 ** sum(len(panels) > most for most in MANY[curves])
+    columns = _columns(panels)
     try:
-        _label(panels, LETTERS[columns], change)
+        if columns != _grid(panels).ncols:
+            _share(panels, change)
+        for ax in panels:
+            _entitle(ax, LETTERS[columns], change)
         lines = _write(figure, change)
         _place(figure, panels, columns, lines, change)
         yield
@@ -52,11 +55,39 @@ def narrow(figure: Figure) -> Iterator[None]:
             step()
 
 
-def _label(panels: Panels, letters: int, change: Change) -> None:
+def _grid(panels: Panels) -> GridSpecBase:
+    return next(iter(panels.values())).get_gridspec()
+
+
+def _curves(panels: Panels) -> bool:
+    return all(ax.get_aspect() == "auto" for ax in panels)
+
+
+def _large(panels: Panels) -> list[Axes]:
+    """Panels that take several cells of the grid."""
+    return [ax for ax, its in panels.items() if len(its.rowspan) * len(its.colspan) > 1]
+
+
+def _columns(panels: Panels) -> int:
+    """How many panels stand side by side: a table of three columns keeps them, if it is long."""
+    if large := _large(panels):
+        return len({its.colspan.start for ax, its in panels.items() if ax not in large})
+    columns = 2 ** sum(len(panels) > most for most in MANY[_curves(panels)])
+    return 3 if columns == 2 and _grid(panels).ncols == 3 else columns
+
+
+def _beside(panels: Panels, ax: Axes) -> tuple[list[Axes], list[Axes]]:
+    """The panels of a panel's column and of its row."""
+    own = panels[ax]
+    column = [one for one, its in panels.items() if its.colspan == own.colspan]
+    return column, [one for one, its in panels.items() if its.rowspan == own.rowspan]
+
+
+def _share(panels: Panels, change: Change) -> None:
     """Say at each panel what it leaves to a neighbour: its title, and labels of curves' axes."""
-    for ax, place in panels.items():
-        row = [one for one, its in panels.items() if its.rowspan == place.rowspan]
-        column = [one for one, its in panels.items() if its.colspan == place.colspan]
+    titles = {}
+    for ax in panels:
+        column, row = _beside(panels, ax)
         shared = [
             ("x", "labelbottom", ax.get_shared_x_axes(), column),
             ("y", "labelleft", ax.get_shared_y_axes(), row),
@@ -72,9 +103,23 @@ def _label(panels: Panels, letters: int, change: Change) -> None:
                 told = [getattr(one, f"get_{letter}label")() for one in [ax, *near]]
                 label = textwrap.fill(next(filter(None, told), ""), BESIDE)
                 change(axis.set_label_text, told[0], label)
-        titles = [one.get_title("left") for one in [ax, *column]]
-        title = textwrap.fill(next(filter(None, titles), ""), letters)
-        change(ax.set_title, titles[0], title)
+        titles[ax] = [one.get_title("left") for one in [ax, *column]]
+    for ax, words in titles.items():
+        change(ax.set_title, words[0], next(filter(None, words), ""))
+
+
+def _entitle(ax: Axes, letters: int, change: Change) -> None:
+    """Break a panel's title into lines, the last of which stood at its right, and its label."""
+    title, beside = ax.get_title("left"), ax.get_title("right")
+    lines = [textwrap.fill(one, letters) for one in (title, beside) if one]
+    change(ax.set_title, title, "\n".join(lines))
+    change(partial(ax.set_title, loc="right"), beside, "")
+    label, room = ax.get_xlabel(), BESIDE // (1 + (_names(ax) > ROWS))
+    change(ax.set_xlabel, label, textwrap.fill(label, room))
+
+
+def _names(ax: Axes) -> int:
+    return len(ax.get_yticks())
 
 
 def _write(figure: Figure, change: Change) -> int:
@@ -94,13 +139,22 @@ def _write(figure: Figure, change: Change) -> int:
 
 
 def _place(figure: Figure, panels: Panels, columns: int, lines: int, change: Change) -> None:
-    """Put the panels below each other, as wide as they find room."""
-    rows, grid = -(-len(panels) // columns), next(iter(panels.values())).get_gridspec()
+    """Put the panels below each other, large ones first, as wide as they find room."""
+    large, grid = _large(panels), _grid(panels)
+    small = [ax for ax in panels if ax not in large]
+    rows = -(-len(small) // columns)
     wide, high = figure.get_size_inches()
     height = WIDTH / columns * (high / grid.nrows) / (wide / grid.ncols)
-    if all(ax.get_aspect() == "auto" for ax in panels):
+    if _curves(panels):
         height = min(max(height, LOWEST[columns]), TALLEST)
-    change(figure.set_size_inches, (wide, high), (WIDTH, rows * height + 0.3 + 0.2 * lines))
-    below = GridSpec(rows, columns, figure=figure)
-    for index, (ax, place) in enumerate(panels.items()):
-        change(ax.set_subplotspec, place, below[index])
+        if (names := max(map(_names, panels))) > ROWS:
+            height = OF_ROW * names + 0.5
+    size = WIDTH, (columns * len(large) + rows) * height + 0.3 + 0.2 * lines
+    change(figure.set_size_inches, (wide, high), size)
+    ratios = [columns] * len(large) + [1] * rows
+    below = GridSpec(len(ratios), columns, figure=figure, height_ratios=ratios)
+    for index, ax in enumerate(large):
+        change(ax.set_subplotspec, panels[ax], below[index, :])
+    for index, ax in enumerate(small):
+        row, column = divmod(index, columns)
+        change(ax.set_subplotspec, panels[ax], below[len(large) + row, column])

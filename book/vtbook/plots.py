@@ -122,11 +122,12 @@ def _pixels(figure: Figure, canvas: FigureCanvasAgg) -> Image.Image:
 
 def check_inside(figure: Figure) -> None:
     """Raise ValueError where a drawn figure's edge cuts off a text or a legend."""
-    width, height = figure.bbox.width + 2, figure.bbox.height + 2
-    texts = [x for ax in figure.axes for x in ax.get_children() if isinstance(x, Text)]
+    width, height = figure.bbox.width + 1, figure.bbox.height + 1
+    axes = [(*ax.get_children(), ax.xaxis.label, ax.yaxis.label) for ax in figure.axes]
+    texts = [x for one in axes for x in one if isinstance(x, Text)]
     for one in (*figure.texts, *texts, *figure.findobj(Legend)):
         box = one.get_window_extent()
-        if box.width and not (-2 <= box.x0 < box.x1 <= width and -2 <= box.y0 < box.y1 <= height):
+        if box.width and not (-1 <= box.x0 < box.x1 <= width and -1 <= box.y0 < box.y1 <= height):
             said = ", ".join(x.get_text() for x in one.findobj() if isinstance(x, Text))
             raise ValueError(f"cut off at the edge of its figure: {said}")
 
@@ -193,7 +194,8 @@ def learning_figure(
     axes[0].set_ylabel("discounted return")
     handles, labels = axes[0].get_legend_handles_labels()
     # by their number alone: figures of a series are laid out alike
-    columns = len(labels) if len(labels) < (6 if width > 7 else 4) else 3
+    most = 3 if width > 5 else 2
+    columns = len(labels) if len(labels) < (6 if width > 7 else 4) else most
     figure.legend(handles, labels, loc="outside lower center", ncols=columns)
     if title:
         axes[0].set_title(f"{title}\n{axes[0].get_title(loc='left')}")
@@ -234,10 +236,7 @@ def draw_over_published(
     if kind == "learning":
         ax.plot(at, values.T, color=COLOURS[label], lw=0.4, alpha=0.3)
         solved = int(np.isfinite(steps_to_solve(stored, floor)).sum())
-        words = f"{solved} of {len(values)} solved"
-        # legible where curves cross it
-        paper = {"fc": "white", "ec": "none", "alpha": 0.8, "pad": 1}
-        ax.text(0.97, 0.06, words, ha="right", size=8, bbox=paper, transform=ax.transAxes)
+        ax.set_title(f"{solved} of {len(values)} solved", loc="right", size=8)
     ax.fill_between(theirs.iterations, theirs.low, theirs.high, color=PUBLISHED, alpha=0.4, lw=0)
     ax.plot(theirs.iterations, theirs.mean, color="black", lw=0.9)
     draw_curves(ax, [Curve(label, at, values, COLOURS[label])], float(stored.optimum.mean()))

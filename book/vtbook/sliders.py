@@ -18,7 +18,7 @@ from vtlib.experiments.experiment import Experiment
 from vtlib.stats import Interval
 from vtlib.transfer import Settings
 
-LEARNING, NARROW = {"learning return": "learning"}, 5.6  # inches, to be read on a phone
+LEARNING, NARROW = {"learning return": "learning"}, 4.4  # inches, to be read on a phone
 Setting = tuple[float, float, str]  # lambda, psi and the posterior, such as "3-MGVT"
 
 
@@ -70,7 +70,8 @@ def _components(label: str) -> int:
 def setting_words(setting: Setting, usual: Setting, mine: Runs, theirs: Runs) -> str:
     """What a setting earns, its distance from the thesis' setting, and what that means."""
     end = int(mine.stored.iteration[-1])
-    earns = f"After {end:,} iterations: {told(mine.share(end), 'z.0%')} of the optimum."
+    of = "of the way to the optimum" if mine.floor else "of the optimum"
+    earns = f"After {end:,} iterations: {told(mine.share(end), 'z.0%')} {of}."
     if setting == usual:
         return f"{earns} This is the thesis' setting."
     gap = mine.gain_until(theirs, end)

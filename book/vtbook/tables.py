@@ -60,7 +60,8 @@ def _claims(rows: Iterable[str]) -> str:
     heads = ["Claim, and the number that decides", *PROTOCOLS.values(), "Published curve"]
     head = "".join(f"<th>{x}</th>" for x in heads)
     body = f"<thead><tr>{head}</tr></thead><tbody>{''.join(rows)}</tbody>"
-    return f"<table class='claims'><caption>{MET}</caption>{body}</table>"
+    caption = f"<caption>{MET}</caption>" if "<br>met at" in body else ""
+    return f"<table class='claims'>{caption}{body}</table>"
 
 
 def _claim_row(claim: Claim) -> str:
@@ -72,17 +73,26 @@ def _claim_row(claim: Claim) -> str:
             continue
         head = _on_phones(PROTOCOLS[protocol])
         verdict = claim.verdict(protocol)
-        number = escape(told(claim.found[protocol]))
+        number = escape(_decisive(claim, claim.found[protocol]))
         if protocol in claim.met:
             number += f"<br>met at {claim.met[protocol]:.0%}"
         style = f"verdict {verdict.split()[0]}"
         cells.append(f"<td class='{style}'>{head}{verdict}<br><small>{number}</small></td>")
     printed = ""
     if claim.printed is not None:
-        printed = _on_phones("Published curve") + escape(told(claim.printed))
+        printed = _on_phones("Published curve") + escape(_decisive(claim, claim.printed))
     ours = " <em>(a claim of this book's)</em>" if claim.ours else ""
     words = f"{escape(claim.text)}{ours}<br><small>{escape(claim.number)}: {claim.bounds}</small>"
     return f"<tr><td>{words}</td>{''.join(cells)}<td><small>{printed}</small></td></tr>"
+
+
+def _decisive(claim: Claim, number: Interval) -> str:
+    """A number with so many digits that its verdict follows from what is written."""
+    verdict = claim.judge(number)
+    for digits in (2, 3, 4):
+        if claim.judge(Interval(*(round(float(x), digits) for x in number))) == verdict:
+            break
+    return told(number, f"z.{digits}f")
 
 
 def _on_phones(head: str) -> str:
@@ -123,9 +133,9 @@ def cost_of_sources_table(costs: Mapping[str, Cost]) -> str:
             f"{one.sources:,.0f}",
             f"{one.with_transfer.mean():,.0f}",
             f"{one.without.mean():,.0f}",
-            f"{one.saved.centre:,.0f} ({one.saved.low:,.0f} to {one.saved.high:,.0f})",
+            told(one.saved, "z,.0f"),
             f"{one.unsolved} of {len(one.with_transfer)}; without {one.unsolved_without}",
-            f"{one.tasks:.0f}" if np.isfinite(one.tasks) else "never",
+            f"{np.ceil(one.tasks):,.0f}" if np.isfinite(one.tasks) else "never",
         ]
         for label, one in costs.items()
     ]
@@ -200,6 +210,8 @@ def robust_table(
 def told(value: Interval | np.ndarray | float, form: str = "z.2f") -> str:
     """A number in words, with its interval if it has one, by a format for each."""
     if isinstance(value, tuple):
+        if value.low == value.high:
+            return told(value.centre, form)
         centre, low, high = (told(x, form) for x in value)
         return f"{centre} ({low} to {high})"
     text = f"{value:{form}}"

@@ -11,7 +11,7 @@ from xarray import Dataset
 
 from vtbook.experiments.rooms import NT, NT_GREEDY, PUBLISHED_GVT, PUBLISHED_MGVT
 from vtbook.panels import panel, static
-from vtbook.plots import COLOURS, PUBLISHED
+from vtbook.plots import COLOURS
 from vtbook.published import PublishedCurve
 from vtlib.baselines import MellowTDSettings
 from vtlib.experiments.experiment import Experiment
@@ -21,6 +21,7 @@ from vtlib.native.runs import INTEGERS, NUMBERS, kernel_settings
 from vtlib.priors import SPAN_JITTER
 from vtlib.transfer import Settings
 
+INK = "currentColor"  # of what was published: a thin line in the colour of the page's text
 # As published, where the thesis' figures begin; fine-tuning hardly explores.
 ALGORITHMS: dict[str, Settings | MellowTDSettings] = {
     "MGVT": PUBLISHED_MGVT,
@@ -47,7 +48,7 @@ def mean_curves(runs: Mapping[str, Dataset], until: int) -> list[dict[str, Any]]
 def published_curve(label: str, curve: PublishedCurve, until: int) -> dict[str, Any]:
     """The published curve of an algorithm up to an iteration, as ``train_here`` draws it."""
     kept = curve.iterations <= until
-    return _reference(f"{label}, published", PUBLISHED, curve.iterations[kept], curve.mean[kept])
+    return _reference(f"{label}, published", INK, curve.iterations[kept], curve.mean[kept])
 
 
 def _reference(label: str, colour: str, at: np.ndarray, values: np.ndarray) -> dict[str, Any]:

@@ -74,8 +74,8 @@ def test_what_sources_cost_is_told_with_what_they_save():
     never = pays._replace(saved=Interval(-5.0, -6.0, -4.0))
     _, first, second = rows_of(tables.cost_of_sources_table({"A": pays, "B": never}))
     solved = "1 of 2; without 2"
-    assert first == ["A", "200,000", "1,500", "4,500", "3,000 (-1 to 6,001)", solved, "67"]
-    assert second[4:] == ["-5 (-6 to -4)", solved, "never"]
+    assert first == ["A", "200,000", "1,500", "4,500", "3,000 (−1 to 6,001)", solved, "67"]
+    assert second[4:] == ["−5 (−6 to −4)", solved, "never"]
 
 
 def note(label, seconds, owner="rooms", **algorithm):
