@@ -4,7 +4,7 @@ import pytest
 
 from vtbook.experiments.cartpole import CARTPOLE
 from vtbook.experiments.grids import POSTERIORS, PSIS, slider_lambdas
-from vtbook.experiments.maze import MAIN, MAZE_LAMBDAS, MAZE_POSTERIORS, MAZE_PSIS, MAZE_TARGETS
+from vtbook.experiments.maze import MAIN, MAZE_TARGETS
 from vtbook.experiments.mountain_car import CAR
 from vtbook.experiments.protocols import transfer_settings
 from vtbook.experiments.rooms import ROOMS_EXPLORATION, ROOMS_LAMBDAS
@@ -43,14 +43,13 @@ def test_search_finds_a_word_of_the_text(visits, page):
         assert not page.foreign
 
 
-CAR_LAMBDAS = slider_lambdas(transfer_settings(CAR.published, "1-MGVT"))
-# Of each environment a page: its experiment, the values of lambda, and the first and the last
-# iterations of a slider over them, on a panel of its own.
+# Of each environment a page: its experiment, and the first and the last iterations of a slider over
+# them, on a panel of its own.
 SETTINGS = {
-    "cartpole": (CARTPOLE, slider_lambdas(transfer_settings(CARTPOLE.published, "1-MGVT")), ()),
-    "mountain_car": (CAR, CAR_LAMBDAS, (0, 200, 500, 5000)),
-    "mazes": (MAZE_TARGETS[MAIN], MAZE_LAMBDAS, (0, 500, 1000, 4000)),
-    "rooms_exploration": (ROOMS_EXPLORATION, ROOMS_LAMBDAS, (0, 50, 100, 2000)),
+    "cartpole": (CARTPOLE, ()),
+    "mountain_car": (CAR, (0, 200, 500, 5000)),
+    "mazes": (MAZE_TARGETS[MAIN], (0, 500, 1000, 4000)),
+    "rooms_exploration": (ROOMS_EXPLORATION, (0, 50, 100, 2000)),
 }
 
 
@@ -65,11 +64,11 @@ def assert_shown(page, setting, panels):
 @pytest.mark.usefixtures("vendored")
 @pytest.mark.parametrize("name", SETTINGS)
 def test_each_slider_shows_the_picture_of_its_setting(visits, page, name):
-    experiment, lambdas, moments = SETTINGS[name]
-    psis, posteriors = (MAZE_PSIS, MAZE_POSTERIORS) if name == "mazes" else (PSIS, POSTERIORS)
-    values = [[f"lambda = {x:.0e}," for x in lambdas], [f"psi = {x:g}," for x in psis]]
-    values.append([f" {x};" for x in posteriors])
+    experiment, moments = SETTINGS[name]
     base, panels = transfer_settings(experiment.published, "1-MGVT"), 1 + bool(moments)
+    lambdas = ROOMS_LAMBDAS if name.startswith("rooms") else slider_lambdas(base)
+    values = [[f"lambda = {x:.0e}," for x in lambdas]]
+    values += [[f"psi = {x:g}," for x in PSIS], [f" {x};" for x in POSTERIORS]]
     for _ in visits(name):
         *above, first, second, third = handles_of(page)
         assert len(above) == panels - 1

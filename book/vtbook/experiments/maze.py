@@ -92,17 +92,7 @@ MAZE_ANY_SOURCES = evolve(
     algorithms={"GVT": PUBLISHED_GVT, "1-MGVT": PUBLISHED_MGVT},
     excluded=(MAIN,),
 )
-MAZE_LAMBDAS, MAZE_PSIS = (1e-8, 1e-6, 1e-4), (0.0, 0.5)
-MAZE_POSTERIORS = ("GVT", "1-MGVT", "3-MGVT")
-MAZE_SLIDERS = sliders_of(
-    MAZE_TARGETS[MAIN].published,
-    "maze-sliders",
-    5,
-    5_000,
-    MAZE_LAMBDAS,
-    MAZE_PSIS,
-    MAZE_POSTERIORS,
-)
+MAZE_SLIDERS = sliders_of(MAZE_TARGETS[MAIN].published, "maze-sliders", runs=5, iterations=5_000)
 
 EXPERIMENTS = (
     *(x for n in TARGETS for x in (MAZE_TARGETS[n].published, MAZE_NOTHING[n])),
