@@ -335,7 +335,8 @@ class Series:
         """The figure with the returns of some runs for its last curve, as ``small_png``."""
         at, values = runs.iteration.values, runs[kind].values
         band = mean_interval(values)
-        self._shade.set_data(at, band.low, band.high)
+        around = [np.stack([at, band.low], 1), np.stack([at, band.high], 1)[::-1]]
+        self._shade.set_verts([np.concatenate(around)])
         self._line.set_data(at, band.centre)
         self._ends.set_ydata(values[:, -1])
         self._title.set_text(f"{title}\n{self._below}")

@@ -6,7 +6,7 @@ from base64 import b64decode
 from unittest.mock import Mock
 
 import numpy as np
-from bs4 import BeautifulSoup
+import pytest
 
 from vtbook import race, visits
 from vtbook.experiments.rooms import ROOMS_EVALUATION
@@ -14,6 +14,7 @@ from vtbook.pauses import pauses
 from vtlib.experiments.run import prepare, targets
 from vtlib.experiments.store import weights
 
+bs4 = pytest.importorskip("bs4")
 HERE = ROOMS_EVALUATION.published
 SHOWN, RUN = {"NT": "left", "1-MGVT": "right"}, 1
 
@@ -30,7 +31,7 @@ def test_the_page_is_told_where_each_agent_was_and_how_often_it_arrived(monkeypa
     visited = np.random.default_rng(0).uniform(0, 10, (2, 600, 2))
     paths = Mock(return_value=visited)
     monkeypatch.setattr(race, "paths", paths)
-    page = BeautifulSoup(race.race(HERE, SHOWN, 600, RUN), "html.parser")
+    page = bs4.BeautifulSoup(race.race(HERE, SHOWN, 600, RUN), "html.parser")
     paths.assert_called_once_with(HERE, list(SHOWN), 600, RUN)
     setup = json.loads(page.select_one("script[type='application/json']").string)
     tasks, counts = targets(HERE, [RUN]), visits.arrivals(visited)

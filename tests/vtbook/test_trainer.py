@@ -11,8 +11,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import websocket
-from bs4 import BeautifulSoup
 
 from vtbook import trainer
 from vtbook.experiments.rooms import ROOMS_EVALUATION, ROOMS_LIKELIHOOD
@@ -25,6 +23,7 @@ from vtlib.native.build import PAGE, compile_page
 from vtlib.native.runs import LANES, MOST_COMPONENTS, MOST_SOURCES, NO_CLIP
 from vtlib.stats import same_distribution_p
 
+websocket, bs4 = map(pytest.importorskip, ("websocket", "bs4"))
 HERE = Path(__file__).resolve().parent / "trainer"
 EVALUATION, LIKELIHOOD = ROOMS_EVALUATION.published, ROOMS_LIKELIHOOD.published
 # Set to how many runs of each algorithm to compare with stored ones, at most 400.
@@ -32,7 +31,7 @@ RUNS = int(os.environ.get("VTLIB_PAGE_RUNS", "20"))
 
 
 def setup_of(html):
-    return BeautifulSoup(html, "html.parser").select_one("script[type='application/json']").string
+    return bs4.BeautifulSoup(html, "html.parser").find("script", type="application/json").string
 
 
 def call(name, wheel, *arguments):
