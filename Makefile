@@ -95,6 +95,7 @@ oldest newest:
 	@$(OTHER)/bin/pip install -q --retries 1 --timeout 30 --no-deps --index-url $(CPU_TORCH) \
 		$$(grep '^torch' tests/requirements-$@.txt) 2>/dev/null || true
 	@$(OTHER)/bin/pip install -q --upgrade -r tests/requirements-$@.txt
+	@$(OTHER)/bin/pip install -q --no-deps -e .
 	@$(OTHER)/bin/python -m pytest -W default $(addprefix --ignore=,$(OF_THE_BOOK))
 
 sanitize:

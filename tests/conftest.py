@@ -83,14 +83,6 @@ def pytest_runtest_setup() -> None:
         keep_to(CORES)
 
 
-def lend_all_cores() -> None:
-    """Let the build, and what it has begun, use the processors of those who wait for it."""
-    with contextlib.suppress(psutil.NoSuchProcess):
-        for one in psutil.Process(int(GROUP.read_text())).children(recursive=True):
-            if CORES:
-                one.cpu_affinity(CORES)
-
-
 def pytest_sessionfinish(session: pytest.Session) -> None:
     """Leave no build behind when the tests stop early."""
     if not hasattr(session.config, "workerinput") and GROUP.exists():
@@ -163,7 +155,9 @@ def build_faults() -> list[str]:
     if BUILT in os.environ:
         return []
     until = time.monotonic() + BUILD_LIMIT
-    lend_all_cores()
+    with contextlib.suppress(psutil.NoSuchProcess):  # who waits lends the build a processor
+        for one in psutil.Process(int(GROUP.read_text())).children(True) if CORES else ():
+            one.cpu_affinity(CORES)
     while not (STATUS.exists() and (status := STATUS.read_text().strip())):
         assert time.monotonic() < until, "the book takes too long to build"
         time.sleep(0.5)

@@ -86,14 +86,6 @@ FAULTS: dict[str, list[tuple[str, str]]] = {
     ],
     "vtlib/recommended": [
         ("torch.maximum(self._eta", "torch.minimum(self._eta"),
-        ("patience=FIRST", "patience=0"),
-        ("super()._thompson() * self._unit", "super()._thompson()"),
-        ("alpha_L=SHARE *", "alpha_L=8 *"),
-    ],
-    "vtlib/baselines": [
-        ("error.clamp_(-1, 1)", "error.clamp_(-2, 2)"),
-        ("% self._settings.target_every == 0", "% self._settings.target_every == 1"),
-        ("best = q.q(self.mu, following)", "best = q.q(self._target, following)"),
     ],
     "vtlib/envs/episodes": [
         (">= tasks.horizon", "> tasks.horizon"),

@@ -16,7 +16,7 @@ from torch import Tensor
 from tqdm import tqdm
 
 from vtlib.baselines import DDQNSettings, FineTuning, LearnerSettings, MellowTDSettings
-from vtlib.checks import check_kind, check_weights, check_whole, shown
+from vtlib.checks import check_between, check_kind, check_weights, check_whole, shown
 from vtlib.envs.episodes import GymEpisodes
 from vtlib.experiments.store import TornResult, write_bytes
 from vtlib.qfunctions import QFunction
@@ -64,7 +64,7 @@ class Learned:
             with np.load(whole, allow_pickle=False) as stored:
                 return cls(**{name: torch.from_numpy(stored[name]) for name in stored})
         except Exception as error:  # junk fails in as many ways as its readers have
-            raise TornResult(f"{path} is not what Learned.save wrote: {error}") from error
+            raise TornResult(f"{path} is not what Learned.save wrote") from error
 
     def _parts(self) -> dict[str, Tensor | None]:
         return {field.name: getattr(self, field.name) for field in attrs.fields(Learned)}
@@ -167,6 +167,7 @@ def evaluate(
     The values of C weight vectors of weights (R, C, d) are averaged. Raises as ``solve``.
     """
     check_whole("episodes", episodes)
+    check_between("gamma", gamma, 0, 1)
     check_kind("weights", weights, Tensor)
     check_weights("weights", weights, len(envs), "component", q.d)
     return _play(envs, q, weights, episodes, _name("evaluate", seed), gamma).returns
@@ -216,14 +217,14 @@ def _name(what: str, seed: int) -> str:
 
 def _episodes(envs: Sequence[gymnasium.Env], q: QFunction, name: str, gamma: float) -> GymEpisodes:
     check_kind("envs", envs, Sequence)
-    if len({id(env) for env in envs}) < len(envs):
+    if len({id(env.unwrapped) for env in envs}) < len(envs):
         raise ValueError("each run needs an environment of its own, one is given twice")
     limit, runs = np.iinfo(np.int32).max, range(len(envs))
     seeds = [int(generator(name, run, "environment").integers(limit)) for run in runs]
     episodes = GymEpisodes(envs, seeds, gamma)
     try:
         values = q.q(torch.zeros(1, 1, q.d), q.prepare(episodes.obs[:1].unsqueeze(1)))
-    except (RuntimeError, ValueError) as error:
+    except (RuntimeError, ValueError, AttributeError, TypeError) as error:
         raise ValueError(f"the Q-function cannot value an observation: {error}") from error
     if not values.shape[2] == q.n_actions == episodes.n_actions:
         found = f"{episodes.n_actions} actions, got {q.n_actions} and {values.shape[2]} values"

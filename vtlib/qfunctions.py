@@ -10,6 +10,7 @@ from collections.abc import Callable, Sequence
 from itertools import pairwise
 from typing import Protocol
 
+import numpy as np
 import torch
 from torch import Tensor, nn
 from torch.func import functional_call, vjp, vmap
@@ -101,13 +102,11 @@ class MLP:
     """
 
     def __init__(self, sizes: Sequence[int]) -> None:
-        counts = isinstance(sizes, Sequence) and all(type(size) is int for size in sizes)
-        if not counts or len(sizes) < 2 or min(sizes) < 1:
-            raise ValueError(
-                f"sizes must list at least two positive layer sizes, got {shown(sizes)}"
-            )
-        self._layers = list(pairwise(sizes))
-        self.n_actions, self.width = sizes[-1], max(sizes)
+        whole = isinstance(sizes, Sequence) and all(type(x) in (int, np.int64) for x in sizes)
+        if not whole or len(sizes) < 2 or min(sizes) < 1:
+            raise ValueError(f"sizes must list at least two positive layer sizes: {shown(sizes)}")
+        self._layers = list(pairwise(map(int, sizes)))
+        self.n_actions, self.width = int(sizes[-1]), int(max(sizes))
         self.d = sum(out * (into + 1) for into, out in self._layers)
         into, out = self._layers[-1]
         matrix, bias = torch.arange(self.d - out * (into + 1), self.d).split([out * into, out])

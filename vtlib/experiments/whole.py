@@ -7,7 +7,7 @@ sends a run elsewhere sooner or later; up to there its numbers are the stored on
 from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -26,7 +26,7 @@ from vtlib.training import FINGERPRINTS
 # larger by orders of magnitude.
 RELATIVE = 1e-3
 ABSOLUTE = 1e-3
-TIES = 2  # evaluations of a run that rounding may change, where two actions are worth the same
+TIES = 2  # evaluations that rounding may change, where two actions are worth the same
 EARNED = "learning", "greedy"
 LEVEL = 0.01  # how often a report may call runs different that are not, whatever it compares
 DRAWS = 1_000_000  # where 10,000 leave it open whether a p value is below a level
@@ -238,10 +238,7 @@ def _iteration(
 def _parted(
     owner: Pool | Experiment, member: int, stored: store.Arrays, differs: Sequence[Difference]
 ) -> int | None:
-    """Up to which iteration rounding explains what differs of a member; None if it does not.
-
-    Rounding changes nothing at once, and what it has changed stays changed.
-    """
+    """Up to which iteration rounding explains what differs of a member; None if it does not."""
     by_key = {x.key: x for x in differs}
     prints = by_key.get("fingerprints")
     first = min((x.iteration for x in differs if x.iteration), default=0)
@@ -256,11 +253,14 @@ def _parted(
         earned = sources.judge(owner, [member], *given)
         same = all(np.allclose(v, stored[k][member], RELATIVE, ABSOLUTE) for k, v in earned.items())
         known = first - 1 if first else FINGERPRINTS[-1]
-        return known if same and "weights" in by_key else None
+        check: Any = by_key.get("greedy")
+        tie = check and abs(check.stored - check.anew) * owner.episodes <= TIES * given[1][0]
+        return known if same and ("weights" in by_key or (tie and len(by_key) == 1)) else None
     if any(not x.iteration for x in differs) or (first <= FINGERPRINTS[-1] and not prints):
         return None
     learning, greedy = by_key.get("learning"), by_key.get("greedy")
-    if learning is None:  # nothing follows from an evaluation, so one may differ alone
-        return first - 1 if greedy and greedy.places <= TIES else None
+    if learning is None:  # nothing follows from an evaluation, nor from where the last steps led
+        late = by_key.keys() == {"visited"} and first > owner.iterations - 2 * owner.every
+        return first - 1 if late or (greedy and greedy.places <= TIES) else None
     last = first > owner.iterations - owner.every
     return first - 1 if last or learning.places > 1 else None
