@@ -84,9 +84,6 @@ FAULTS: dict[str, list[tuple[str, str]]] = {
         ("draws = self._samples[:, :, 0]", "draws = self._samples[:, :, 1]"),
         ("between(0, HUGE)", "between(-1, HUGE)"),
     ],
-    "vtlib/recommended": [
-        ("torch.maximum(self._eta", "torch.minimum(self._eta"),
-    ],
     "vtlib/envs/episodes": [
         (">= tasks.horizon", "> tasks.horizon"),
         ("clamp(1, self._finished.shape[1])", "clamp(1)"),

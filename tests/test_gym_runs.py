@@ -15,7 +15,7 @@ from vtlib.gym_runs import Learned, evaluate, solve, transfer
 from vtlib.qfunctions import MLP, ModuleQ
 from vtlib.transfer import Settings
 
-Q = MLP((4, 8, 2))
+Q = MLP((4, 8, gym.spaces.Discrete(2).n))
 LEARNER = MellowTDSettings(epsilon_steps=100, minibatch=20)
 TRANSFER = Settings(minibatch=20, n_samples=2, alpha_L=1e-4)
 SOURCES = 0.5 * torch.randn(6, Q.d, generator=torch.Generator().manual_seed(0))
@@ -160,7 +160,8 @@ def test_a_file_that_is_not_whole_is_named(tmp_path):
         (partial(solve, [NAN], Q, 10), "not finite: .* gave a reward of nan"),
         (partial(transfer, [ENV], Q, SOURCES, 10, 0), "settings must be"),
         (partial(transfer, [ENV], Q, SOURCES, 10, device="cuda:99"), r"device .*got 'cuda:99'"),
-        (partial(solve, [ENV, ENV], Q, 10), "one is given twice"),
+        (partial(evaluate, [ENV], Q, always(1).view(1, 1, -1), gamma=2.0), "gamma must lie in"),
+        (partial(solve, [ENV, gym.Wrapper(ENV)], Q, 10), "one is given twice"),
         (partial(solve, [Corridor(space=(2, 2))], Q, 10), "FlattenObservation makes one of it"),
         (partial(solve, [ENV], MLP((4, 8, 3)), 10), "the environments' 2 actions, got 3"),
         (partial(solve, [ENV], ModuleQ(LINEAR, 2), 10), "2 actions, got 2 and 3 values"),

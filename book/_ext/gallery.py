@@ -122,9 +122,8 @@ def picture_of(app: Any, docname: str, figure: nodes.figure) -> tuple[str, bytes
     return image.get("alt", ""), (Path(app.srcdir) / image["uri"]).read_bytes()
 
 
-def figures(app: Any, docname: str) -> Iterator[Shown]:
-    """The figures of one page, in its order."""
-    numbers = numbered(app.env)
+def figures(app: Any, docname: str, numbers: dict[str, str]) -> Iterator[Shown]:
+    """The figures of one page, in its order, with the numbers of all."""
     for figure in app.env.get_doctree(docname).findall(nodes.figure):
         target = next((one for one in figure["ids"] if one in numbers), None)
         picture = picture_of(app, docname, figure) if target else None
@@ -162,11 +161,12 @@ def entry(app: Any, here: str, docname: str, shown: Shown) -> str:
 
 def fill(app: Any, doctree: nodes.document, docname: str) -> None:
     """Put the thumbnails where the mark is."""
+    numbers = numbered(app.env)
     for mark in list(doctree.findall(GalleryNode)):
         entries = [
             entry(app, docname, page, shown)
             for page in in_order(app.env, app.config.root_doc)
-            for shown in figures(app, page)
+            for shown in figures(app, page, numbers)
         ]
         html = f'<ul class="gallery">\n{"".join(entries)}\n</ul>'
         mark.replace_self(nodes.raw("", html, format="html"))

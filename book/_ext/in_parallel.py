@@ -46,6 +46,7 @@ async def run_all(pages: dict[Path, NotebookNode], timeout: int) -> list[float]:
     """Run pages side by side, in their order; the seconds that each took."""
     if not pages:
         return []
+    # not those that it may use now: who waits for the book may lend it more
     room = asyncio.Semaphore(min(os.cpu_count() or 1, AT_MOST))
     with forked() as manager:
         how = {"timeout": timeout, "kernel_manager_class": manager}

@@ -57,6 +57,9 @@ def test_claims_are_told_with_what_decides_about_them():
         classes = re.findall(r"class='([^']*)'", html)
         kinds = [x for x in classes if x != "head"]
         assert kinds == ["claims", "verdict reproduced", "verdict not", "verdict undecided"]
+    near = Claim("", "", {"published": Interval(0.1, -0.001, 0.2)}, Interval(2, 2, 2), low=0.0)
+    row = "".join(rows_of(tables.claims_table([near]))[1])
+    assert all(x in row for x in ("0.100 (−0.001 to 0.200)<", "2.00<"))
 
 
 def test_the_tally_counts_the_thesis_own_claims_of_a_protocol():
