@@ -62,13 +62,6 @@ FAULTS: dict[str, list[tuple[str, str]]] = {
         ("run * components", "run"),
         ("copy = memory.clone()", "copy = memory"),
     ],
-    "vtlib/posteriors/fused": [
-        ("        self._waiting = None\n        return out", "        return out"),
-    ],
-    "vtlib/posteriors/blocked": [
-        ("self._precision.diagonal(d)", "torch.ones(d)"),
-        ("if self._t == 0:", "if self._t < 2:"),
-    ],
     "vtlib/qfunctions": [
         (".mul_(into.sign())", ".mul_(into)"),
         ("delta.sum(-1), *parts]", "delta.mean(-1), *parts]"),
@@ -84,35 +77,15 @@ FAULTS: dict[str, list[tuple[str, str]]] = {
         ("draws = self._samples[:, :, 0]", "draws = self._samples[:, :, 1]"),
         ("between(0, HUGE)", "between(-1, HUGE)"),
     ],
-    "vtlib/envs/episodes": [
-        (">= tasks.horizon", "> tasks.horizon"),
-        ("clamp(1, self._finished.shape[1])", "clamp(1)"),
-    ],
-    "vtlib/envs/rooms/__init__": [
-        ("% self.ladder]", "% (self.ladder + 1)]"),
-        ("Rooms.from_doors(doors, stops=self.stops)", "Rooms.from_doors(doors)"),
-    ],
     "vtlib/envs/rooms/tasks": [
         ("> DOOR_WIDTH / 2", "> DOOR_WIDTH"),
         ("<= GOAL_RADIUS**2", "<= 2 * GOAL_RADIUS**2"),
         ("(aimed != proposed).any(1", "(aimed != proposed).all(1"),
     ],
-    "vtlib/envs/cartpole/tasks": [
-        ("moment * spin.square() * sin", "moment * spin * sin"),
-        ("> POSITION_LIMIT)", "> 2 * POSITION_LIMIT)"),
-        ("torch.stack([velocity,", "torch.stack([velocity + TIME_STEP * acceleration,"),
-    ],
-    "vtlib/envs/mountain_car/tasks": [
-        ("velocity.masked_fill(at_wall, 0.0)", "velocity"),
-        ("torch.where(terminated, self.last_reward, -1.0)", "terminated.float() - 1"),
-    ],
     "vtlib/envs/maze/tasks": [
         ("(share * count)", "(share * 100)"),
         ("% (2 * math.pi)", "% math.pi"),
         ("directions(pose[2]) + jolt[:2]", "directions(pose[2])"),
-    ],
-    "vtlib/envs/maze/geometry": [
-        ("line = cell + 0.5 + (0.5 - CLEARANCE) * sign", "line = cell + 0.5 + 0.5 * sign"),
     ],
 }
 

@@ -46,6 +46,7 @@ def always(action: int) -> torch.Tensor:
 
 
 ENV, LINEAR = Corridor(), torch.nn.Linear(4, 3)
+FLAT = torch.nn.Sequential(LINEAR, torch.nn.Flatten(0))
 NAN = gym.wrappers.TransformReward(Corridor(), lambda _: np.nan)
 BOTH = torch.stack([always(0), always(1)])
 
@@ -146,6 +147,8 @@ def test_what_was_learned_is_saved_whole(settings, tmp_path):
 def test_a_file_that_is_not_whole_is_named(tmp_path):
     (tmp_path / "cut.npz").write_bytes(b"PK\x03\x04 cut")
     np.savez(tmp_path / "other.npz", weights=np.zeros(3))
+    curve = {"iterations": np.zeros(3), "returns": np.zeros((2, 2)), "steps": np.zeros(2)}
+    np.savez(tmp_path / "shape.npz", weights=np.zeros((2, 1, 5)), **curve, improved=np.ones(2))
     np.save(tmp_path / "array.npy", np.zeros((2, 3)))
     for path in tmp_path.iterdir():
         with pytest.raises(TornResult, match=rf"{path.name} is not what Learned\.save wrote"):
@@ -164,7 +167,11 @@ def test_a_file_that_is_not_whole_is_named(tmp_path):
         (partial(solve, [ENV, gym.Wrapper(ENV)], Q, 10), "one is given twice"),
         (partial(solve, [Corridor(space=(2, 2))], Q, 10), "FlattenObservation makes one of it"),
         (partial(solve, [ENV], MLP((4, 8, 3)), 10), "the environments' 2 actions, got 3"),
-        (partial(solve, [ENV], ModuleQ(LINEAR, 2), 10), "2 actions, got 2 and 3 values"),
+        (partial(solve, [ENV], ModuleQ(LINEAR, np.int64(2)), 10), "2 actions, got 2 and 3 values"),
+        (partial(solve, [ENV], ModuleQ(FLAT, 2), 10), "cannot value an observation"),
+        (partial(solve, ["CartPole-v1"], Q, 10), "each environment must be of type Env"),
+        *((partial(call, [ENV], LINEAR, SOURCES, 10), "q must be of type QFunction")
+          for call in (transfer, evaluate)),
     ],
 )  # fmt: skip
 def test_what_cannot_work_is_refused_with_what_would_help(monkeypatch, call, message):

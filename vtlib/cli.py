@@ -74,11 +74,12 @@ def _parser() -> argparse.ArgumentParser:
         where = command.add_mutually_exclusive_group()
         told = "processes; one per core if not given"
         where.add_argument("--jobs", type=_at_least(1), help=told)
-        where.add_argument(
-            "--scheduler", metavar="ADDRESS", help="of a Dask cluster to use instead"
-        )
+        told, address = "of a Dask cluster to use instead", "an address such as tcp://host:8786"
+        scheduler = _like("(tcp|tls|inproc)://[^ ]+", address)
+        where.add_argument("--scheduler", metavar="ADDRESS", type=scheduler, help=told)
         told = "where posteriors and their networks are kept: cpu, or cuda"
-        command.add_argument("--device", type=_device, default="cpu", help=told)
+        device = _like("cpu|cuda(:[0-9]{1,3})?", "cpu, cuda or cuda:N")
+        command.add_argument("--device", type=device, default="cpu", help=told)
     return parser
 
 
@@ -93,10 +94,13 @@ def _at_least(least: int) -> Callable[[str], int]:
     return whole
 
 
-def _device(text: str) -> str:
-    if not re.fullmatch("cpu|cuda(:[0-9]{1,3})?", text):
-        raise argparse.ArgumentTypeError(f"must be cpu, cuda or cuda:N, got {text!r}")
-    return text
+def _like(pattern: str, told: str) -> Callable[[str], str]:
+    def matching(text: str) -> str:
+        if not re.fullmatch(pattern, text):
+            raise argparse.ArgumentTypeError(f"must be {told}, got {text!r}")
+        return text
+
+    return matching
 
 
 def _workers(options: argparse.Namespace) -> dict[str, Any]:

@@ -49,11 +49,19 @@ class Learned:
     improved: Tensor
     scale_tril: Tensor | None = None
 
+    def __attrs_post_init__(self) -> None:
+        (runs, components, d), (times,) = self.weights.shape, self.iterations.shape
+        found = [tuple(x.shape) for x in (self.returns, self.steps, self.improved)]
+        factors = (runs, components, d, d) if self.scale_tril is None else self.scale_tril.shape
+        if found != [(runs, times), (runs,), (runs,)] or factors != (runs, components, d, d):
+            raise ValueError(f"arrays must be of {runs} runs and {times} records, got {found}")
+
     def save(self, path: str | Path) -> None:
         """Write everything to one .npz of plain arrays, at once."""
         buffer = io.BytesIO()
-        arrays = {k: v.cpu().numpy() for k, v in self._parts().items() if v is not None}
-        np.savez_compressed(buffer, **arrays)  # type: ignore[arg-type]  # no name is an option
+        parts = attrs.asdict(self, recurse=False).items()
+        arrays = {k: v.cpu().numpy() for k, v in parts if v is not None}
+        np.savez_compressed(buffer, **arrays)
         write_bytes(Path(path), buffer.getvalue())
 
     @classmethod
@@ -65,9 +73,6 @@ class Learned:
                 return cls(**{name: torch.from_numpy(stored[name]) for name in stored})
         except Exception as error:  # junk fails in as many ways as its readers have
             raise TornResult(f"{path} is not what Learned.save wrote") from error
-
-    def _parts(self) -> dict[str, Tensor | None]:
-        return {field.name: getattr(self, field.name) for field in attrs.fields(Learned)}
 
 
 def solve(
@@ -120,6 +125,7 @@ def transfer(
     """
     check_whole("iterations", iterations)
     check_whole("trials", trials, 0)
+    check_kind("q", q, QFunction)
     check_kind("sources", sources, Tensor)
     check_weights("sources", sources, "source", q.d)
     settings = Recommended() if settings is None else settings
@@ -168,6 +174,7 @@ def evaluate(
     """
     check_whole("episodes", episodes)
     check_between("gamma", gamma, 0, 1)
+    check_kind("q", q, QFunction)
     check_kind("weights", weights, Tensor)
     check_weights("weights", weights, len(envs), "component", q.d)
     return _play(envs, q, weights, episodes, _name("evaluate", seed), gamma).returns
@@ -217,14 +224,15 @@ def _name(what: str, seed: int) -> str:
 
 def _episodes(envs: Sequence[gymnasium.Env], q: QFunction, name: str, gamma: float) -> GymEpisodes:
     check_kind("envs", envs, Sequence)
-    if len({id(env.unwrapped) for env in envs}) < len(envs):
+    check_kind("q", q, QFunction)
+    if len({id(getattr(env, "unwrapped", env)) for env in envs}) < len(envs):
         raise ValueError("each run needs an environment of its own, one is given twice")
     limit, runs = np.iinfo(np.int32).max, range(len(envs))
     seeds = [int(generator(name, run, "environment").integers(limit)) for run in runs]
     episodes = GymEpisodes(envs, seeds, gamma)
     try:
         values = q.q(torch.zeros(1, 1, q.d), q.prepare(episodes.obs[:1].unsqueeze(1)))
-    except (RuntimeError, ValueError, AttributeError, TypeError) as error:
+    except Exception as error:  # one's own fails in as many ways as there are authors
         raise ValueError(f"the Q-function cannot value an observation: {error}") from error
     if not values.shape[2] == q.n_actions == episodes.n_actions:
         found = f"{episodes.n_actions} actions, got {q.n_actions} and {values.shape[2]} values"

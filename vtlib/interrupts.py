@@ -18,7 +18,7 @@ from pathlib import Path
 from types import FrameType
 
 SIGNALS = signal.SIGINT, signal.SIGTERM
-LINE = b"\nvtlib: interrupted; the same command goes on from here\n"
+LINE = b"\nvtlib: interrupted; run and reproduce go on from here\n"
 
 
 def end_at_once() -> None:

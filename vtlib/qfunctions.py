@@ -8,7 +8,7 @@ each of R runs. Observations are (R, B, obs_dim) and shared by the K vectors. Va
 
 from collections.abc import Callable, Sequence
 from itertools import pairwise
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 import torch
@@ -23,6 +23,7 @@ ROUNDING = 1e-7
 FAR = -30.0
 
 
+@runtime_checkable
 class QFunction(Protocol):
     """What the algorithms need of a Q-function."""
 
@@ -50,8 +51,7 @@ class RBFLinear:
 
     centers: (m,) coordinates of the grid on either axis of a two-dimensional observation;
     variance of each basis in squared units of the observation. d = n_actions * m * m weights,
-    one block of m * m per action, which ``last`` (A, m * m) lists. The rooms use m = 11 integer
-    centres and variance 1/9.
+    one block of m * m per action. The rooms use m = 11 integer centres and variance 1/9.
     """
 
     def __init__(self, centers: Tensor, variance: float, n_actions: int) -> None:
@@ -59,7 +59,6 @@ class RBFLinear:
         check_whole("n_actions", n_actions)
         self.n_actions = self.width = n_actions
         self.d = n_actions * len(centers) ** 2
-        self.last = torch.arange(self.d).view(n_actions, -1)
         self._centers = centers
         self._rate = 0.5 / variance
 
@@ -81,10 +80,6 @@ class RBFLinear:
         rows = w.reshape(runs, k * self.n_actions, -1)
         return torch.bmm(rows, x).view(runs, k, self.n_actions, -1)
 
-    def features(self, w: Tensor, x: Tensor) -> Tensor:
-        """What an action's ``last`` weights multiply: the features (R, m * m, B) themselves."""
-        return x
-
     def vjp(self, w: Tensor, x: Tensor) -> tuple[Tensor, Callable[[Tensor], Tensor]]:
         """Values, and the map from a cotangent (R, K, A, B) to a gradient (R, K, d)."""
 
@@ -98,19 +93,16 @@ class MLP:
     """Multilayer perceptron with ReLU units; sizes lists the layers, e.g. (4, 32, 2).
 
     The flat weight vector holds, layer by layer, the matrix (out, in) and then the bias (out).
-    ``last`` (A, m) says which weights of the last layer are an action's, its bias the last of them.
     """
 
     def __init__(self, sizes: Sequence[int]) -> None:
         whole = isinstance(sizes, Sequence) and all(type(x) in (int, np.int64) for x in sizes)
         if not whole or len(sizes) < 2 or min(sizes) < 1:
             raise ValueError(f"sizes must list at least two positive layer sizes: {shown(sizes)}")
-        self._layers = list(pairwise(map(int, sizes)))
-        self.n_actions, self.width = int(sizes[-1]), int(max(sizes))
+        self.sizes = tuple(map(int, sizes))
+        self._layers = list(pairwise(self.sizes))
+        self.n_actions, self.width = self.sizes[-1], max(self.sizes)
         self.d = sum(out * (into + 1) for into, out in self._layers)
-        into, out = self._layers[-1]
-        matrix, bias = torch.arange(self.d - out * (into + 1), self.d).split([out * into, out])
-        self.last = torch.cat([matrix.view(out, into), bias.unsqueeze(1)], 1)
 
     def prepare(self, obs: Tensor) -> Tensor:
         """Observations (R, B, obs_dim) as columns (R, obs_dim + 1, B) that end in a one."""
@@ -122,14 +114,6 @@ class MLP:
         """Values (R, K, A, B) of weights (R, K, d) at prepared observations."""
         values: Tensor = self._forward(w, x)[1][-1].unflatten(0, w.shape[:2])
         return values
-
-    def features(self, w: Tensor, x: Tensor) -> Tensor:
-        """What the ``last`` weights of an action multiply, (R, m, B), of weights w (R, 1, d).
-
-        Those are the outputs of the last hidden layer, and a one.
-        """
-        into = self._forward(w, x)[1][-2]
-        return torch.cat([into, torch.ones_like(into[:, :1])], 1)
 
     def vjp(self, w: Tensor, x: Tensor) -> tuple[Tensor, Callable[[Tensor], Tensor]]:
         """Values, and the map from a cotangent (R, K, A, B) to a gradient (R, K, d)."""
@@ -212,6 +196,7 @@ class ModuleQ:
     """
 
     def __init__(self, module: nn.Module, n_actions: int) -> None:
+        n_actions = int(n_actions) if isinstance(n_actions, np.int64) else n_actions
         check_whole("n_actions", n_actions)
         check_kind("module", module, nn.Module)
         if kept := [name for name, _ in module.named_buffers()]:

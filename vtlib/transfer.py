@@ -14,16 +14,7 @@ import torch
 from attrs import field, frozen
 from torch import Tensor
 
-from vtlib.checks import (
-    HUGE,
-    TINY,
-    between,
-    check_kind,
-    check_weights,
-    one_of,
-    positive,
-    whole,
-)
+from vtlib.checks import HUGE, TINY, between, check_kind, check_weights, one_of, positive, whole
 from vtlib.posteriors import COVARIANCES, Descent
 from vtlib.priors import PRIOR_JITTER, GaussianPrior, MixturePrior
 from vtlib.qfunctions import QFunction, greedy

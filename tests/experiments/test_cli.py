@@ -111,7 +111,7 @@ def test_the_book_offers_its_experiments_and_the_thesis_own_figures():
 @pytest.mark.parametrize("name", ["", "Tiny", "a\nb", "\u2028", "tiny/GVT"])
 def test_an_unknown_experiment_is_refused_before_any_work(capsys, command, name):
     line = refused(capsys, *command, name)
-    assert line == f"vtlib: unknown experiment {name!r}; known are tiny"
+    assert line == f"vtlib: unknown experiment {name!r}; known are mine, tiny"
 
 
 COUNT, DEVICE = "must be a whole number of at least", "must be cpu, cuda or cuda:N"
@@ -122,6 +122,7 @@ BAD = {
     "reproduce --runs 0": f"{COUNT} 1, got '0'",
     "verify --seed=-1": f"{COUNT} 0, got '-1'",
     **{f"run tiny --jobs={x}": f"{COUNT} 1, got {x!r}" for x in ("-3", "0", "2.5", "", "²")},
+    "run tiny --scheduler banana": "must be an address such as tcp://host:8786, got 'banana'",
     **{f"run tiny --device={x}": f"{DEVICE}, got {x!r}" for x in ("gpu", "cuda:", "cuda:²", "")},
 }
 
@@ -146,11 +147,12 @@ def test_verify_names_a_result_that_is_not_there(stored, capsys):
     [("tiny-pool/sources.npz", b"PK", b"pk"), ("tiny/GVT.json", b'"runs": 3', b'"runs": 4')],
 )
 def test_a_torn_result_is_refused_and_left_as_it_is(stored, capsys, file, was, now):
-    path = stored / file
+    path, fresh = stored / file, stored.parent / "fresh"
     path.write_bytes(path.read_bytes().replace(was, now))
     before = {p: p.read_bytes() for p in stored.rglob("*.*")}
-    for command in ("verify --results", "run tiny --results", "reproduce --fresh"):
-        assert str(path.with_suffix("")) in refused(capsys, *command.split(), stored)
+    for command in ("verify", "run tiny", f"reproduce --fresh {fresh}"):
+        assert str(path.with_suffix("")) in refused(capsys, *command.split(), "--results", stored)
+    assert not fresh.exists()  # nothing was computed in vain
     assert {p: p.read_bytes() for p in stored.rglob("*.*")} == before
 
 

@@ -150,7 +150,7 @@ def test_an_interrupt_at_any_moment_ends_in_one_line_and_with_all_processes(
             continue
         assert it.process.returncode == 128 + number, err
         *bar, line = err.strip().splitlines()
-        assert line == "vtlib: interrupted; the same command goes on from here"
+        assert line == "vtlib: interrupted; run and reproduce go on from here"
         assert all("left" in shown for shown in bar if shown), err
         assert not list(Path(tempfile.gettempdir()).glob(f"vtlib-{it.process.pid}-*"))
     Command(tmp_path, command).ends_well()

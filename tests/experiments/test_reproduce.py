@@ -21,7 +21,7 @@ def compared(tiny, tmp_path, monkeypatch):
         few = first_runs(many, len(new["run"]))
         both = ("old", "a", many, recorded(RETURNS)), ("new", processor, few, new)
         for folder, name, owner, arrays in both:
-            note = {"config": store.config_of(owner, "DDQN"), "seconds": 12.0, "megabytes": 300}
+            note = {**store.origin(owner, "DDQN"), "seconds": 12.0, "megabytes": 300}
             path = store.path_of(owner, "DDQN", tmp_path / folder)
             store.save(path, arrays, {**note, "machine": {"processor": name}})
         return compare(many, few, "DDQN", tmp_path / "old", tmp_path / "new")

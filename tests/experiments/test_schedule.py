@@ -68,7 +68,7 @@ def test_only_what_is_missing_is_computed_and_joined_and_the_rest_is_left_alone(
     assert store.same_arrays(store.read(stored / first.result)[0], expected)
     assert not (stored / "parts").exists()
     # one that was left beside its whole result is no use
-    keep(first, expected, {"seconds": 1.0}, stored)
+    keep(first, expected, {"seconds": 1.0, "megabytes": 9}, stored)
     complete()
     assert not (stored / "parts").exists()
 
@@ -111,11 +111,13 @@ def test_the_bar_never_goes_back_and_ends_with_the_last_unit(tiny):
     assert sum(progress._gone.values()) == progress.bar.total
 
 
-def test_the_time_of_a_unit_is_expected_as_it_was_for_the_stored_runs(tiny):
+def test_the_time_of_a_unit_is_expected_as_it_was_for_the_stored_runs(tiny, monkeypatch):
     note = store.provenance(store.results_folder() / "rooms-evaluation" / "GVT")
     units = [u for u in units_of(ROOMS_EVALUATION.published) if u.label == "GVT"]
     assert sum(u.expected_seconds for u in units) == pytest.approx(note["seconds"])
-    assert units_of(tiny.pool)[0].expected_seconds > 0
+    for junk in ({}, {"seconds": "1", "config": {"runs": 3}}, {"seconds": 1.0, "config": 2}):
+        monkeypatch.setattr(store, "provenance", lambda *_, junk=junk: junk)
+        assert units_of(tiny)[0].expected_seconds > 0
 
 
 def test_a_part_of_another_configuration_stops_it_before_anything_is_computed(

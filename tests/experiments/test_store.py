@@ -3,6 +3,7 @@
 import hashlib
 import io
 import json
+import math
 import os
 import tempfile
 from pathlib import Path
@@ -150,19 +151,20 @@ def test_an_error_while_saving_leaves_no_result_and_no_litter(tmp_path, monkeypa
 
 
 def saved(owner, label, root, arrays):
-    note = {"config": store.config_of(owner, label), "seconds": 1.0}
+    note = {**store.origin(owner, label), "seconds": 1.0, "megabytes": 9}
     store.save(store.path_of(owner, label, root), arrays, note)
 
 
-def check(owner, config, seconds=1.0):
-    store.check_note(Path("x"), {"config": config, "seconds": seconds}, owner, "GVT")
+def check(owner, config, /, **changes):
+    note = {**store.origin(owner, "GVT"), "seconds": 1.0, "megabytes": 9, "config": config}
+    store.check_note(Path("x"), note | changes, owner, "GVT")
 
 
 @pytest.mark.parametrize(
     ("changes", "named"),
     [
         ({"iterations": 240}, "iterations"),
-        ({"stream": "other"}, "stream"),
+        ({"stream": "other"}, "stream, seeds"),
         ({"sources": 1}, "sources"),
         ({"counts": {"GVT": 1}}, "sources"),
         ({"runs_per_task": 3}, "runs_per_task"),
@@ -215,10 +217,15 @@ def test_whatever_stands_for_a_configuration_is_one_line(tiny, value):
         assert len(str(caught.value).splitlines()) == 1
 
 
-def test_a_key_that_nobody_knows_and_seconds_that_are_none_are_refused(tiny):
+@pytest.mark.parametrize("name", ["owner", "label", "seeds", "seconds", "megabytes"])
+@pytest.mark.parametrize("junk", [None, "1", [], -1, math.nan, math.inf])
+def test_a_provenance_that_is_of_another_result_is_refused(tiny, name, junk):
+    with pytest.raises(store.TornResult, match=f"(differs in|does not tell its) {name}"):
+        check(tiny, store.config_of(tiny, "GVT"), **{name: junk})
+
+
+def test_a_key_that_nobody_knows_is_refused(tiny):
     config = store.config_of(tiny, "GVT")
-    with pytest.raises(store.TornResult, match="does not tell its seconds"):
-        check(tiny, config, seconds="1")
     with pytest.raises(store.TornResult, match=r"differs in .*'a\\+nb'"):
         check(tiny, {**config, "a\nb": 1})
     config["algorithm"]["alpha_2"] = 0.25

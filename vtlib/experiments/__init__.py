@@ -34,7 +34,8 @@ def named(name: str) -> list[Experiment]:
     if name in installed():
         return list(installed()[name].values())
     if name not in known():
-        raise ValueError(f"unknown experiment {name!r}; known are {', '.join(known())}")
+        names = ", ".join([*installed(), *known()])
+        raise ValueError(f"unknown experiment {name!r}; known are {names}")
     return [known()[name]]
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from vtlib.experiments import store
 from vtlib.experiments.experiment import Experiment, Pool
-from vtlib.experiments.whole import Whole
+from vtlib.experiments.whole import Whole, count_of
 
 NAME = "recomputed.csv"
 FIELDS = ("result", "member", "alike_until", "date", "processor", "sha256")
@@ -42,12 +42,12 @@ def recorded(
     results: Sequence[tuple[Pool | Experiment, str]], root: Path | None = None
 ) -> list[Line]:
     """The lines that belong to results as they are stored now; none where nothing was noted."""
-    digests = {
-        f"{owner.name}/{label}": store.provenance(store.path_of(owner, label, root))["sha256"]
-        for owner, label in results
-    }
+    known: dict[tuple[str, str], str] = {}
+    for owner, label in results:
+        digest = store.provenance(store.path_of(owner, label, root))["sha256"]
+        known |= {(f"{owner.name}/{label}", str(m)): digest for m in range(count_of(owner))}
     lines = _read(root or store.results_folder())
-    return [line for line in lines if digests.get(line["result"]) == line["sha256"]]
+    return [x for x in lines if known.get((x["result"], x["member"])) == x["sha256"]]
 
 
 def _read(root: Path) -> list[Line]:
@@ -58,4 +58,6 @@ def _read(root: Path) -> list[Line]:
         lines = list(csv.DictReader(file))
     if any(line.keys() != set(FIELDS) or None in line.values() for line in lines):
         raise store.TornResult(f"{path} is not what was written: lines need {', '.join(FIELDS)}")
+    if len({(line["result"], line["member"]) for line in lines}) < len(lines):
+        raise store.TornResult(f"{path} is not what was written: a member of a result comes twice")
     return lines

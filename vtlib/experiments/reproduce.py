@@ -43,11 +43,14 @@ def reproduce(
     Only the first ``runs`` of each are computed, if so many are asked for. workers: as for
     ``schedule.complete``.
     """
+    results = store.results_behind(experiments)
+    for owner, label in results:
+        if store.exists(path := store.path_of(owner, label, root)):
+            store.check_note(path, store.read(path)[1], owner, label)
     first = {e.name: e if runs is None else first_runs(e, runs) for e in experiments}
     complete(list(first.values()), fresh, **workers)
     return [
-        compare(owner, first.get(owner.name, owner), label, root, fresh)
-        for owner, label in store.results_behind(experiments)
+        compare(owner, first.get(owner.name, owner), label, root, fresh) for owner, label in results
     ]
 
 

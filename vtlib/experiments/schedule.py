@@ -62,11 +62,10 @@ class Unit:
     @property
     def expected_seconds(self) -> float:
         """What it took of a processor for the book's stored results; a guess where none are."""
-        path = store.results_folder() / self.result
-        if store.exists(path):
-            note = store.provenance(path)
-            of = note["config"]["count" if isinstance(self.owner, Pool) else "runs"]
-            return float(note["seconds"] * len(self.members) / of)
+        of = "count" if isinstance(self.owner, Pool) else "runs"
+        with contextlib.suppress(OSError, ValueError, LookupError, TypeError, ArithmeticError):
+            note = store.provenance(store.results_folder() / self.result)
+            return float(note["seconds"] / note["config"][of] * len(self.members))
         return 1e-3 * len(self.members) * self.owner.iterations
 
 
@@ -120,8 +119,7 @@ def compute(
 
 def keep(unit: Unit, arrays: store.Arrays, note: store.Note, root: Path) -> None:
     """Store a finished unit among the parts."""
-    note = {**note, "config": store.config_of(unit.owner, unit.label)}
-    store.save(root / unit.part, arrays, note)
+    store.save(root / unit.part, arrays, store.origin(unit.owner, unit.label) | note)
 
 
 def done(unit: Unit, root: Path) -> bool:
@@ -167,10 +165,7 @@ def shared_by_all(arrays: store.Arrays) -> set[str]:
 
 def _joined_notes(unit: Unit, notes: Sequence[store.Note]) -> store.Note:
     return {
-        "owner": unit.owner.name,
-        "label": unit.label,
-        "config": store.config_of(unit.owner, unit.label),
-        "seeds": f"SHA-256 of {unit.owner.stream}/<run>/<role>",
+        **store.origin(unit.owner, unit.label),
         "seconds": round(sum(note["seconds"] for note in notes), 2),
         "megabytes": max(note["megabytes"] for note in notes),
         "vtlib": __version__,

@@ -9,6 +9,7 @@ import glob
 import hashlib
 import io
 import json
+import math
 import os
 import platform
 import shutil
@@ -210,6 +211,12 @@ def config_of(owner: Pool | Experiment, label: str) -> Note:
     return config
 
 
+def origin(owner: Pool | Experiment, label: str) -> Note:
+    """What the provenance of a result says of where it comes from."""
+    seeds, config = f"SHA-256 of {owner.stream}/<run>/<role>", config_of(owner, label)
+    return {"owner": owner.name, "label": label, "seeds": seeds, "config": config}
+
+
 def _entries(owner: Pool | Experiment, label: str) -> dict[str, tuple[Any, Any]]:
     """What a result depends on, each value with its default or NOTHING."""
     entries = _fields(owner)
@@ -255,13 +262,15 @@ def _differing(stored: object, entries: dict[str, tuple[Any, Any]]) -> list[str]
 
 def check_note(path: Path, note: Note, owner: Pool | Experiment, label: str) -> None:
     """Raise TornResult unless the provenance is of the owner's present configuration."""
-    if wrong := _differing(note.get("config"), _entries(owner, label)):
+    now, wrong = origin(owner, label), _differing(note.get("config"), _entries(owner, label))
+    if wrong := wrong + [x for x in ("owner", "label", "seeds") if note.get(x) != now[x]]:
         raise TornResult(
             f"{path} was computed under another configuration, which differs in "
             f"{', '.join(wrong)}: move it away and run `python -m vtlib run` again"
         )
-    if not isinstance(note.get("seconds"), int | float):
-        raise TornResult(f"{path} has a provenance that does not tell its seconds")
+    for name in ("seconds", "megabytes"):
+        if not (isinstance(told := note.get(name), int | float) and 0 <= told < math.inf):
+            raise TornResult(f"{path} has a provenance that does not tell its {name}")
 
 
 def stored(owner: Pool | Experiment, label: str, root: Path | None = None) -> tuple[Arrays, Note]:

@@ -17,7 +17,6 @@ from vtlib.experiments import sources, store
 from vtlib.experiments.experiment import TASKS, Experiment, Pool
 from vtlib.experiments.run import by_kernels
 from vtlib.experiments.schedule import Unit, compute, joined, shared_by_all, units_of
-from vtlib.native.build import LEVELS
 from vtlib.rng import generator
 from vtlib.stats import same_distribution_p
 from vtlib.training import FINGERPRINTS
@@ -190,9 +189,9 @@ def _rounds_otherwise(
         return False
     if "device" in machine or isinstance(owner, Pool) or not by_kernels(owner, label):
         return True
-    # the widest kernels round alike everywhere, but a Gaussian's first factor is LAPACK's
+    # kernels that fuse products and sums round alike, but a Gaussian's first factor is LAPACK's
     gaussian = getattr(owner.algorithms[label], "family", None) == "gaussian"
-    return gaussian or native.level() != next(iter(LEVELS))
+    return gaussian or native.level() in (None, "baseline")
 
 
 def differences(

@@ -2,27 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Protocol
-
 import torch
 from attrs import field, frozen
 from torch import Tensor
 
 from vtbook.neighbours.base import Learner, TDSettings
+from vtbook.neighbours.last_layer import LastLayer
 from vtlib.checks import between, positive, whole
 from vtlib.priors import PRIOR_JITTER, GaussianPrior
-from vtlib.qfunctions import QFunction
+from vtlib.qfunctions import MLP, RBFLinear
 from vtlib.replay import Transition
 from vtlib.rng import Rng
-
-
-class LastLayer(QFunction, Protocol):
-    """A Q-function that is linear in its ``last`` (A, m) weights."""
-
-    last: Tensor
-
-    def features(self, w: Tensor, x: Tensor) -> Tensor:
-        """What those weights multiply, (R, m, B), of weights w (R, 1, d)."""
 
 
 @frozen(kw_only=True)
@@ -41,7 +31,7 @@ class RegressionSettings(TDSettings):
     jitter: float = field(default=PRIOR_JITTER, validator=positive())
     alpha: float = field(default=1e-3, validator=between(0, 1))
 
-    def agent(self, q: LastLayer, sources: Tensor, obs_dim: int, rng: Rng) -> Regression:
+    def agent(self, q: MLP | RBFLinear, sources: Tensor, obs_dim: int, rng: Rng) -> Regression:
         """An agent that transfers from sources (R, S, d)."""
         return Regression(q, sources, obs_dim, self, rng)
 
@@ -57,14 +47,18 @@ class Regression(Learner):
     Brunskill and Anandkumar (2018).
     """
 
-    _q: LastLayer
-
     def __init__(
-        self, q: LastLayer, sources: Tensor, obs_dim: int, settings: RegressionSettings, rng: Rng
+        self,
+        q: MLP | RBFLinear,
+        sources: Tensor,
+        obs_dim: int,
+        settings: RegressionSettings,
+        rng: Rng,
     ) -> None:
         super().__init__(q, sources, obs_dim, settings, rng)
         self._settings, self._noise = settings, rng.stream("posterior")
-        self._last = q.last.flatten()
+        self._layer = LastLayer(q)
+        self._last = self._layer.last.flatten()
         prior = GaussianPrior(sources[..., self._last], settings.jitter)
         identity = torch.eye(len(self._last)).expand(len(sources), -1, -1)
         self._precision = prior.precision.times(identity).double()
@@ -93,7 +87,7 @@ class Regression(Learner):
         size = len(self._buffer)
         last = torch.arange(self._steps - min(s.recent, size), self._steps) % s.buffer
         batch = self._buffer.sample(((last + 0.5) / size).expand(len(self.mu), -1))
-        phi = q.features(self.mu, q.prepare(batch.obs))
+        phi = self._layer.features(self.mu, q.prepare(batch.obs))
         following = q.q(self._sample, q.prepare(batch.next_obs))[:, 0].amax(1)
         target = batch.reward + s.gamma * following * ~batch.terminated
         A, b, m = self._precision.clone(), self._pull.clone(), phi.shape[1]

@@ -4,6 +4,7 @@ import pytest
 import torch
 
 from vtbook.neighbours import RegressionSettings
+from vtbook.neighbours.last_layer import LastLayer
 from vtlib.priors import sources_mean_and_spread
 from vtlib.qfunctions import MLP, RBFLinear
 from vtlib.replay import Transition
@@ -32,16 +33,17 @@ def test_the_posterior_is_that_of_bayesian_linear_regression_in_the_last_weights
     noise, jitter = 0.3, 0.2
     agent, sources, steps = learned(q, 15, noise=noise, every=100, jitter=jitter, recent=12)
     A, b = agent.posterior()
-    last, x = q.last.flatten(), q.prepare(torch.rand(RUNS, 5, 2))
-    values = agent.mu[:, 0][:, q.last] @ q.features(agent.mu, x)
+    layer, x = LastLayer(q), q.prepare(torch.rand(RUNS, 5, 2))
+    last = layer.last.flatten()
+    values = agent.mu[:, 0][:, layer.last] @ layer.features(agent.mu, x)
     torch.testing.assert_close(values, q.q(agent.mu, x)[:, 0])
     mean, spread = sources_mean_and_spread(sources[..., last].double())
     for run in range(RUNS):
         prior = (spread[run] @ spread[run].T + jitter * torch.eye(len(last))).inverse()
-        phi, y = torch.zeros(12, *q.last.shape).double(), torch.zeros(12).double()
+        phi, y = torch.zeros(12, *layer.last.shape).double(), torch.zeros(12).double()
         for row, t in enumerate(steps[3:]):
             here, there = (q.prepare(x[run].view(1, 1, -1)) for x in (t.obs, t.next_obs))
-            phi[row, t.action[run]] = q.features(agent.mu[[run]], here)[0, :, 0].double()
+            phi[row, t.action[run]] = layer.features(agent.mu[[run]], here)[0, :, 0].double()
             value = q.q(agent._sample[[run]], there).max()
             y[row] = t.reward[run] + 0.99 * value * (not t.terminated[run])
         phi = phi.flatten(1)
@@ -64,9 +66,10 @@ def test_samples_have_the_mean_and_the_covariance_of_the_posterior():
 
 def test_layers_below_the_last_learn_and_the_last_waits_for_its_regression():
     q = MLP((2, 4, 2))
+    last = LastLayer(q).last
     for count in (1, 9, 10):
         agent, sources, _ = learned(q, count, every=10)
         moved = (agent.mu != sources.mean(1, keepdim=True)).any(0)[0]
-        assert moved[q.last].any() == (count == 10)
-        moved[q.last] = False
+        assert moved[last].any() == (count == 10)
+        moved[last] = False
         assert moved.any()
