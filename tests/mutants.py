@@ -31,7 +31,6 @@ FAULTS: dict[str, list[tuple[str, str]]] = {
     ],
     "vtlib/priors": [
         ("/ freedom**0.5", "/ sources.shape[-2] ** 0.5"),
-        ("if freedom < 1", "if freedom < 0"),
         ("(singular**2 / (singular**2 + own)).sqrt()", "(singular**2 / (singular**2 + own))"),
         ("return Start(self.mu.clone(),", "return Start(self.mu,"),
         ("torch.arange(components) % count", "torch.zeros(components).long()"),
@@ -75,7 +74,6 @@ FAULTS: dict[str, list[tuple[str, str]]] = {
         ("_steps > self._settings.patience", "_steps >= self._settings.patience"),
         ("step.clamp_(-s.clip, s.clip)", "step.clamp_(-s.clip, 2 * s.clip)"),
         ("draws = self._samples[:, :, 0]", "draws = self._samples[:, :, 1]"),
-        ("between(0, HUGE)", "between(-1, HUGE)"),
     ],
     "vtlib/envs/rooms/tasks": [
         ("> DOOR_WIDTH / 2", "> DOOR_WIDTH"),

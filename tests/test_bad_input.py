@@ -175,7 +175,8 @@ def test_what_does_not_fit_a_q_function_or_a_buffer_is_refused():
     for layer, why in ((nn.BatchNorm1d(2), "buffers: 1.running_mean"), (nn.Dropout(), "dropout")):
         assert f"it has {why}" in refused(ModuleQ, nn.Sequential(nn.Linear(4, 2), layer), 2)
     for count in COUNT:
-        assert "n_actions must be" in refused(ModuleQ, nn.Linear(2, 2), count)
+        if not isinstance(count, np.int64):  # as Gymnasium counts
+            assert "n_actions must be" in refused(ModuleQ, nn.Linear(2, 2), count)
         assert "n_actions must be" in refused(RBFLinear, torch.arange(3.0), 1.0, count)
         assert "capacity must be" in refused(ReplayBuffer, 1, count, 1)
     for value in POSITIVE:

@@ -170,8 +170,7 @@ def test_a_file_that_is_not_whole_is_named(tmp_path):
         (partial(solve, [ENV], ModuleQ(LINEAR, np.int64(2)), 10), "2 actions, got 2 and 3 values"),
         (partial(solve, [ENV], ModuleQ(FLAT, 2), 10), "cannot value an observation"),
         (partial(solve, ["CartPole-v1"], Q, 10), "each environment must be of type Env"),
-        *((partial(call, [ENV], LINEAR, SOURCES, 10), "q must be of type QFunction")
-          for call in (transfer, evaluate)),
+        (partial(transfer, [ENV], LINEAR, SOURCES, 10), "q must be of type QFunction"),
     ],
 )  # fmt: skip
 def test_what_cannot_work_is_refused_with_what_would_help(monkeypatch, call, message):
