@@ -200,15 +200,15 @@ class ModuleQ:
         check_whole("n_actions", n_actions)
         check_kind("module", module, nn.Module)
         if kept := [name for name, _ in module.named_buffers()]:
-            raise ValueError(
-                f"module must have parameters alone, it has buffers: {', '.join(kept)}"
-            )
+            raise ValueError(f"module must have no buffers, it has {', '.join(kept)}")
         if any(isinstance(part, nn.modules.dropout._DropoutNd) for part in module.modules()):
             raise ValueError("module must give the same values each time, it has dropout")
         self.n_actions = n_actions
         self._module = module
         self._shapes = {name: p.shape for name, p in module.named_parameters()}
-        self.width = max(shape[0] for shape in self._shapes.values())
+        if not self._shapes:
+            raise ValueError("module must have parameters, it has none")
+        self.width = max(shape[:1].numel() for shape in self._shapes.values())
         self.d = sum(shape.numel() for shape in self._shapes.values())
 
     def flatten(self, module: nn.Module) -> Tensor:

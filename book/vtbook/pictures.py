@@ -11,7 +11,6 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from vtbook.plots import BookFigure, image_html, look, small_png
-from vtlib.envs.draw import ARROW
 
 # Okabe and Ito's palette, told apart with any colour vision.
 BLUE, ORANGE, GREEN, GREY, BLACK = "#0072B2", "#D55E00", "#009E73", "#6b6b6b", "#1a1a1a"
@@ -53,7 +52,7 @@ def arrow(
     ax: Axes,
     start: Iterable[float],
     end: Iterable[float],
-    color: str = ARROW,
+    color: str = ORANGE,
     style: str = "-|>",
     width: float = 2.0,
 ) -> None:

@@ -37,7 +37,7 @@ PROTOCOLS = {"published": "As published", "equations": "By the equations"}
 
 MET = (
     "<em>Met</em>: the share of iterations at which our interval meets the published one; "
-    "the least of the curves compared."
+    "the smallest such share where a claim compares several curves."
 )
 
 
@@ -134,7 +134,7 @@ def cost_of_sources_table(costs: Mapping[str, Cost]) -> str:
             f"{one.with_transfer.mean():,.0f}",
             f"{one.without.mean():,.0f}",
             told(one.saved, "z,.0f"),
-            f"{one.unsolved} of {len(one.with_transfer)}; without {one.unsolved_without}",
+            f"{one.unsolved} of {len(one.with_transfer)}; {one.unsolved_without} without transfer",
             f"{np.ceil(one.tasks):,.0f}" if np.isfinite(one.tasks) else "never",
         ]
         for label, one in costs.items()
@@ -147,10 +147,15 @@ def settings_table(experiment: Experiment) -> str:
     groups: dict[Any, list[str]] = {}
     for label, algorithm in experiment.algorithms.items():
         groups.setdefault(algorithm, []).append(label)
-    settings = [attrs.asdict(algorithm) for algorithm in groups]
+    settings = [_flat(attrs.asdict(algorithm)) for algorithm in groups]
     names = dict.fromkeys(name for one in settings for name in one)
     rows = [[name, *(_text(one.get(name)) for one in settings)] for name in names]
     return html_table(["parameter", *map(_span, groups.values())], rows)
+
+
+def _flat(settings: dict[str, Any]) -> dict[str, Any]:
+    """Settings with those of the learner inside them as their own."""
+    return {**settings.pop("learner", {}), **settings}
 
 
 def _span(labels: Sequence[str]) -> str:

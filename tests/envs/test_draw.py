@@ -12,7 +12,7 @@ from matplotlib.patches import Circle
 
 from vtlib.envs import Cartpole, Mazes, MountainCar, Rooms
 from vtlib.envs.cartpole.draw import draw_cartpole
-from vtlib.envs.draw import ARROW, BODY, FLAG, POLE
+from vtlib.envs.draw import BODY, FLAG, INK, POLE
 from vtlib.envs.maze.draw import draw_maze
 from vtlib.envs.mountain_car.draw import draw_mountain_car
 from vtlib.envs.rooms.draw import draw_rooms
@@ -77,10 +77,10 @@ def test_the_robot_stands_in_its_place_and_its_rays_end_where_they_read():
     (robot,) = [patch for patch in ax.patches if isinstance(patch, Circle)]
     assert robot.center == pytest.approx((0.5, 2.5))
     lengths, flags = MAZES.select([1]).observe(torch.tensor([state]))[0, 4:].view(2, 9)
-    lines = [line for line in ax.lines if line.get_color() in (ARROW, FLAG)]
+    lines = [line for line in ax.lines if line.get_color() in (INK, FLAG)]
     rays = [line for line in lines if len(line.get_xdata()) == 2]
     ends = np.array([ray.get_xydata() for ray in rays])
     np.testing.assert_allclose(np.hypot(*(ends[:, 1] - ends[:, 0]).T), lengths, atol=1e-5)
-    assert [ray.get_color() for ray in rays] == [FLAG if flag else ARROW for flag in flags]
+    assert [ray.get_color() for ray in rays] == [FLAG if flag else INK for flag in flags]
     assert flags.unique().numel() == 2
     assert len(lines) - len(rays) == int((lengths < 2).sum())

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from attrs import evolve
 
-from vtbook.experiments.compared import BUDGET, SPACES, TUNED, candidate
+from vtbook.experiments.compared import BUDGET, ENVIRONMENTS, SPACES, candidate
 from vtbook.experiments.factorial import FACTORIAL, PARTS, ROOMS, effects
 from vtlib.experiments.run import run_batch, targets
 from vtlib.experiments.store import weights
 from vtlib.training import Diverged
 
-EACH = pytest.mark.parametrize("e", TUNED, ids=lambda e: e.experiment.name)
+EACH = pytest.mark.parametrize("e", ENVIRONMENTS, ids=lambda e: e.experiment.name)
 
 
 @EACH

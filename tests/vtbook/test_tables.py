@@ -76,7 +76,7 @@ def test_what_sources_cost_is_told_with_what_they_save():
     pays = Cost(200_000.0, *steps, Interval(3_000.0, -1.0, 6_001.0), 1, 2)
     never = pays._replace(saved=Interval(-5.0, -6.0, -4.0))
     _, first, second = rows_of(tables.cost_of_sources_table({"A": pays, "B": never}))
-    solved = "1 of 2; without 2"
+    solved = "1 of 2; 2 without transfer"
     assert first == ["A", "200,000", "1,500", "4,500", "3,000 (−1 to 6,001)", solved, "67"]
     assert second[4:] == ["−5 (−6 to −4)", solved, "never"]
 

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 # The colour-blind safe palette of the book's figures.
 INK, GREY, GROUND, WALL = "#1a1a1a", "#8a8a8a", "#e6e6e6", "#3c3c3c"
-BODY, POLE, ARROW, FLAG = "#0072B2", "#E69F00", "#D55E00", "#009E73"
+BODY, POLE, FLAG = "#0072B2", "#E69F00", "#009E73"
 
 
 def picture(draw: Callable[[Axes], None], size: tuple[int, int]) -> np.ndarray:

@@ -282,6 +282,8 @@ def stored(owner: Pool | Experiment, label: str, root: Path | None = None) -> tu
     path = path_of(owner, label, root)
     arrays, note = read(path)
     check_note(path, note, owner, label)
+    if bad := [x for x, a in arrays.items() if a.dtype.kind == "f" and not np.isfinite(a).all()]:
+        raise TornResult(f"{path} has numbers that are not finite among its {', '.join(bad)}")
     return arrays, note
 
 

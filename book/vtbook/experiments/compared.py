@@ -91,6 +91,7 @@ class Compared:
     floor: float = 0.0
     diverged: tuple[str, ...] = ()
     first: int = 0
+    tuned_in: Experiment | None = None
 
     def earned(self, experiment: Experiment, label: str) -> np.ndarray:
         """Stored learning returns (R,), averaged over all iterations, as shares of the optimum."""
@@ -136,21 +137,23 @@ class Compared:
 
     def tuning(self) -> Experiment:
         """All candidates of all algorithms, on tasks of their own."""
-        name = f"{self.experiment.name}-tuning"
         each = {x: self.candidates(x) for x in SPACES}
         algorithms = {candidate(x, k): one for x in each for k, one in enumerate(each[x])}
         stayed = {x: one for x, one in algorithms.items() if x not in self.diverged}
-        return self._runs(name, stayed, TUNING_RUNS)
+        return self._runs(self.tuned_in or self.experiment, "tuning", stayed, TUNING_RUNS)
 
     def judged(self) -> Experiment:
         """Each algorithm with the setting that was chosen for it, on other tasks."""
         chosen = zip(SPACES, self.chosen, strict=True)
         algorithms = {x: self.candidates(x)[k] for x, k in chosen}
-        return self._runs(f"{self.experiment.name}-compared", algorithms, RUNS)
+        return self._runs(self.experiment, "compared", algorithms, RUNS)
 
-    def _runs(self, name: str, algorithms: Mapping[str, Algorithm], runs: int) -> Experiment:
+    def _runs(
+        self, on: Experiment, kind: str, algorithms: Mapping[str, Algorithm], runs: int
+    ) -> Experiment:
+        name = f"{on.name}-{kind}"
         return evolve(
-            self.experiment,
+            on,
             name=name,
             stream=name,
             algorithms=algorithms,
@@ -205,18 +208,13 @@ ENVIRONMENTS = (
         chosen=(2, 2, 2, 1, 5, 3, 0, 1, 0, 4, 0, 2),
         diverged=("Langevin, setting 5",),
     ),
+    Compared(
+        "mountain car",
+        CAR.published,
+        iterations=3_000,
+        chosen=(5, 1, 6, 0, 4, 3, 0, 1, 5, 1, 4, 1),
+        floor=FLOOR,
+        first=200,
+    ),
 )
-# Tuned, and not judged: what the chosen settings earn on other tasks has not been run.
-CARS = Compared(
-    "mountain car",
-    CAR.published,
-    iterations=3_000,
-    chosen=(5, 1, 6, 0, 4, 3, 0, 1, 5, 1, 4, 1),
-    floor=FLOOR,
-    first=200,
-)
-TUNED = (*ENVIRONMENTS, CARS)
-EXPERIMENTS = (
-    *(one.tuning() for one in TUNED),
-    *(one.judged() for one in ENVIRONMENTS),
-)
+EXPERIMENTS = tuple(of for one in ENVIRONMENTS for of in (one.tuning(), one.judged()))

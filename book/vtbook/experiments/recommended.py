@@ -25,8 +25,8 @@ CAR_ITERATIONS, MAZE_ITERATIONS = 5_000, 3_000  # the pages' runs are longer
 def _beside(experiment: Experiment, **fields: Any) -> Experiment:
     """The method on the same tasks with the same random numbers, under a name of its own."""
     name = f"{experiment.name.removesuffix('-compared')}-recommended"
-    fields = {"algorithms": {OURS: Recommended()}, **fields}
-    return evolve(experiment, name=name, stream=experiment.stream, **fields)
+    fields = {"name": name, "algorithms": {OURS: Recommended()}, **fields}
+    return evolve(experiment, stream=experiment.stream, **fields)
 
 
 def _in_parts(experiment: Experiment) -> Experiment:
@@ -42,8 +42,13 @@ def _in_parts(experiment: Experiment) -> Experiment:
     return _beside(experiment, algorithms=algorithms)
 
 
-ROOMS, CHANGED, POLES = (one.judged() for one in ENVIRONMENTS)
-TUNED = (_in_parts(ROOMS), _beside(CHANGED), _in_parts(POLES))
+ROOMS, CHANGED, POLES, CARS = (one.judged() for one in ENVIRONMENTS)
+TUNED = (
+    _in_parts(ROOMS),
+    _beside(CHANGED),
+    _in_parts(POLES),
+    _beside(CARS, name=f"{CARS.name}-recommended"),  # the other name is the page's cars'
+)
 MOUNTAIN_CAR = _beside(CAR.published, iterations=CAR_ITERATIONS)
 MAZE = _beside(MAZE_TARGETS[MAIN].published, iterations=MAZE_ITERATIONS)
 EXPERIMENTS = (*TUNED, MOUNTAIN_CAR, MAZE)

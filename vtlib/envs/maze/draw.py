@@ -7,7 +7,7 @@ from matplotlib.collections import PatchCollection
 from matplotlib.patches import Circle, Rectangle
 from numpy.typing import ArrayLike
 
-from vtlib.envs.draw import ARROW, BODY, FLAG, WALL, framed
+from vtlib.envs.draw import BODY, FLAG, INK, WALL, framed
 from vtlib.envs.maze.geometry import REACH, SIDE
 from vtlib.envs.maze.tasks import ANGLES, SENSORS, Mazes
 
@@ -41,7 +41,7 @@ def _draw_rays(ax: Axes, tasks: Mazes, index: int, pose: np.ndarray) -> None:
     distance, flag = seen[4 : 4 + SENSORS], seen[4 + SENSORS :]
     for angle, length, goal in zip(pose[2] + ANGLES, distance, flag, strict=True):
         end = pose[:2] + length * np.array([np.cos(angle), np.sin(angle)])
-        color = FLAG if goal else ARROW
+        color = FLAG if goal else INK
         ax.plot(*np.stack([pose[:2], end], 1), color=color, lw=1, zorder=3)
         if length < REACH:
             ax.plot(*end, "o", color=color, markersize=3, zorder=3)
