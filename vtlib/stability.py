@@ -8,10 +8,10 @@ H L V, V the mean of v v^T, and as row i of L ends at column i, a step of size a
 
     l_j - alpha eta c_j (l V)_j,    c_j = sum of u_i p_i over i >= j.
 
-For a fixed l, E (l V)_j^2 = ((n + 1) l_j^2 + |l|^2) / n. With 0 <= c_j <= 1 the expected square of
-l then shrinks if alpha eta < 2 n / (d_eta + n + 1), d_eta = sum of c_j = sum of i u_i p_i: the
-length of the rows of L, averaged along the eigenvectors. For rows of one length, d_eta = d, it
-grows above that.
+For a fixed l, E (l V)_j^2 = ((n + 1) l_j^2 + |l|^2) / n. With 0 <= c_j <= 1 the expected squares of
+l then tend to 0 if alpha eta < 2 n / (d_eta + n + 1), d_eta = sum of c_j = sum of i u_i p_i: the
+length of the rows of L, averaged along the eigenvectors. For rows of one length, d_eta = d, they
+grow above that.
 """
 
 import torch

@@ -117,8 +117,12 @@ class Runs:
         return share_interval(self.at(t, "greedy") - self.floor >= OPTIMAL * own)
 
     def restlessness(self, t: int) -> Interval:
-        """How much faster the mean greedy curve moves until an iteration than afterwards."""
-        return _restlessness(self.stored.greedy.values.mean(0), self.stored.iteration.values, t)
+        """How much faster the mean greedy curve moves until an iteration; interval: bootstrap."""
+        curves, at = self.stored.greedy.values, self.stored.iteration.values
+        rng = generator("claims", t, "restlessness")
+        drawn = [curves[rng.integers(len(curves), size=len(curves))].mean(0) for _ in range(2_000)]
+        low, high = np.quantile([_restlessness(x, at, t) for x in drawn], [0.025, 0.975])
+        return Interval(_restlessness(curves.mean(0), at, t), float(low), float(high))
 
 
 @frozen(eq=False)
@@ -150,12 +154,12 @@ class Printed:
 
     def restlessness(self, t: int) -> Interval:
         """How much faster the mean greedy curve moves until an iteration than afterwards."""
-        return _restlessness(self.greedy.mean, self.greedy.iterations, t)
+        return exactly(_restlessness(self.greedy.mean, self.greedy.iterations, t))
 
 
-def _restlessness(curve: np.ndarray, iterations: np.ndarray, t: int) -> Interval:
+def _restlessness(curve: np.ndarray, iterations: np.ndarray, t: int) -> float:
     steps, early = np.abs(np.diff(curve)), iterations[1:] <= t
-    return exactly(steps[early].mean() / steps[~early].mean())
+    return float(steps[early].mean() / max(steps[~early].mean(), 1e-9))
 
 
 def exactly(value: float) -> Interval:

@@ -100,7 +100,7 @@ def _one_at_a_time(both: Protocols, **fields: Any) -> None:
         "1-MGVT, lambda 1e-4": evolve(PUBLISHED_MGVT, lambda_=1e-4),
     }
     published = {"GVT": PUBLISHED_GVT, "1-MGVT": PUBLISHED_MGVT}
-    counts, stopped = fields.pop("counts", {}), both.equations.pool
+    counts = fields.pop("counts", {})
     name = both.published.name
     INGREDIENTS[name] = evolve(
         both.published,
@@ -112,7 +112,6 @@ def _one_at_a_time(both: Protocols, **fields: Any) -> None:
     FRONTIERS[name] = evolve(
         INGREDIENTS[name],
         name=f"{name}-frontier",
-        pool=stopped,
         family=stopping(INGREDIENTS[name]),
         algorithms=published,
         counts=dict.fromkeys(published, counts) if counts else {},
@@ -158,13 +157,19 @@ ROOMS_DEVIATIONS = evolve(
         "NT, epsilon over 7,000": evolve(NT, epsilon_steps=7_000),
     },
 )
-# The same with the frontier of the text, and with sources that start where targets do.
+# The same with the frontier of the text, with sources that were solved at such a frontier, and with
+# sources that start where targets do.
 ROOMS_FRONTIER = evolve(
     ROOMS_INGREDIENTS,
     name="rooms-frontier",
-    pool=ROOMS_EVALUATION.equations.pool,
     family=ROOMS_EVALUATION.equations.family,
     algorithms={"GVT": PUBLISHED_GVT, "1-MGVT": PUBLISHED_MGVT},
+)
+ROOMS_RETRAINED = evolve(
+    ROOMS_FRONTIER,
+    name="rooms-frontier-sources",
+    pool=ROOMS_EVALUATION.equations.pool,
+    family=ROOMS_EVALUATION.published.family,
 )
 ROOMS_CORNER = evolve(
     ROOMS_FRONTIER,
@@ -295,6 +300,7 @@ EXPERIMENTS = (
     ROOMS_INGREDIENTS,
     ROOMS_DEVIATIONS,
     ROOMS_FRONTIER,
+    ROOMS_RETRAINED,
     ROOMS_CORNER,
     *INGREDIENTS.values(),
     *FRONTIERS.values(),
