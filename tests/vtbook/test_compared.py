@@ -37,9 +37,8 @@ def test_tasks_of_tuning_and_of_judgement_differ(e):
     tuning, judged = e.tuning(), e.judged()
     assert judged.iterations == tuning.iterations == e.iterations
     assert list(judged.algorithms) == list(SPACES)
-    values = e.experiment.family.values
-    told = values(targets(judged, range(judged.runs)))
-    for name, tuned in values(targets(tuning, range(tuning.runs))).items():
+    told = e.experiment.family.values(targets(judged, range(judged.runs)))
+    for name, tuned in e.experiment.family.values(targets(tuning, range(tuning.runs))).items():
         assert np.ptp(told[name]) == 0 or not np.isin(tuned, told[name]).all()
 
 

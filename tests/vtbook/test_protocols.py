@@ -16,7 +16,8 @@ ALL = [*(getattr(rooms, f"ROOMS_{name}") for name in NAMES), CARTPOLE]
 VARIANTS = [
     (rooms.ROOMS_INGREDIENTS, set()),
     (rooms.ROOMS_DEVIATIONS, set()),
-    (rooms.ROOMS_FRONTIER, {"pool", "family"}),
+    (rooms.ROOMS_FRONTIER, {"family"}),
+    (rooms.ROOMS_RETRAINED, {"pool"}),
     (rooms.ROOMS_CORNER, {"pool"}),
     (rooms.ROOMS_CALIBRATION, {"every", "probes", "probe"}),
 ]
