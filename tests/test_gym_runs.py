@@ -48,6 +48,7 @@ def always(action: int) -> torch.Tensor:
 ENV, LINEAR = Corridor(), torch.nn.Linear(4, 3)
 FLAT = torch.nn.Sequential(LINEAR, torch.nn.Flatten(0))
 NAN = gym.wrappers.TransformReward(Corridor(), lambda _: np.nan)
+BLIND = gym.wrappers.TransformObservation(Corridor(), lambda _: [0.0, np.nan, 0.0, 0.0], None)
 BOTH = torch.stack([always(0), always(1)])
 
 
@@ -117,7 +118,7 @@ def test_a_callback_is_told_and_ends_the_learning_of_returns_known_once_an_episo
 
     def callback(iteration, returns):
         told.append((iteration, returns.shape))
-        return iteration < 200
+        return torch.tensor(iteration < 200)
 
     settings, envs = attrs.evolve(LEARNER, gamma=0.5), [Corridor(), Corridor(np.inf)]
     learned = solve(envs, Q, 1000, settings, callback=callback)
@@ -158,9 +159,10 @@ def test_a_file_that_is_not_whole_is_named(tmp_path):
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (partial(evaluate, [Corridor(np.inf)], Q, always(1).view(1, 1, -1)),
-         r"has not ended after 50 steps: gymnasium\.wrappers\.Time"),
-        (partial(solve, [NAN], Q, 10), "not finite: .* gave a reward of nan"),
+        (partial(evaluate, [Corridor(np.inf)], Q, BOTH[:1, None]), "50 steps: .*TimeLimit ends"),
+        (partial(evaluate, ENV, Q, BOTH[:1, None]), "envs must be of type Sequence"),
+        (partial(solve, [NAN], Q, 10), "rewards must be finite, .* gave nan"),
+        (partial(evaluate, [BLIND], Q, BOTH[:1, None]), "needs 4 finite numbers to see, .* gave"),
         (partial(transfer, [ENV], Q, SOURCES, 10, 0), "settings must be"),
         (partial(transfer, [ENV], Q, SOURCES, 10, device="cuda:99"), r"device .*got 'cuda:99'"),
         (partial(evaluate, [ENV], Q, always(1).view(1, 1, -1), gamma=2.0), "gamma must lie in"),

@@ -35,11 +35,11 @@ Callback = Callable[[int, Tensor], bool | None]
 class Learned:
     """What R runs end with.
 
-    weights (R, C, d): final weights, those of each component's mean for a posterior. scale_tril
-    (R, C, d, d): the posterior's factors L, None without one. iterations (T,) and returns (R, T):
-    mean discounted return of the last 50 episodes, NaN before the first has ended. steps (R,): of
-    the environment, trials included. improved (R,): whether the weights learned are kept; else they
-    are those of the best source (see ``transfer``).
+    weights (R, C, d): final weights, those of each component's mean for a posterior. iterations
+    (T,) and returns (R, T): mean discounted return of the last 50 episodes, NaN before the first
+    has ended. steps (R,): of the environment, trials included. improved (R,): whether the weights
+    learned are kept; else they are those of the best source (see ``transfer``). scale_tril
+    (R, C, d, d): the factors L of what was learned, kept or not; None without a posterior.
     """
 
     weights: Tensor
@@ -93,8 +93,8 @@ def solve(
     other than Box and Discrete, a Q-function of other sizes, or an environment that is given twice.
     """
     check_whole("iterations", iterations)
+    check_kind("settings", settings, LearnerSettings | None)
     settings = settings or MellowTDSettings(epsilon_steps=max(1, iterations // 2))
-    check_kind("settings", settings, LearnerSettings)
     name = _name("solve", seed)
     episodes, rng = _episodes(envs, q, name, settings.gamma), Rng(name, range(len(envs)))
     start = 0.1 * Rng(name, [0]).stream("initial weights").normal(q.d).expand(len(envs), -1)
@@ -119,12 +119,12 @@ def transfer(
 
     Each source first plays ``trials`` greedy episodes; the best come first, where components start.
     In the end the posterior's means play as many, and are kept where they earn at least the
-    standard error of the difference more than the best source. Without settings they are those of
-    ``Recommended``. With trials = 0 there are no such precautions. Raises as ``solve``, also for
-    sources that are missing, not finite or not of the Q-function's shape.
+    standard error of the difference more than the best source; with trials = 0 none is played.
+    The default is ``Recommended``. Raises as ``solve``, and for missing, bad or misshapen sources.
     """
     check_whole("iterations", iterations)
     check_whole("trials", trials, 0)
+    check_kind("envs", envs, Sequence)
     check_kind("q", q, QFunction)
     check_kind("sources", sources, Tensor)
     check_weights("sources", sources, "source", q.d)
@@ -174,6 +174,7 @@ def evaluate(
     """
     check_whole("episodes", episodes)
     check_between("gamma", gamma, 0, 1)
+    check_kind("envs", envs, Sequence)
     check_kind("q", q, QFunction)
     check_kind("weights", weights, Tensor)
     check_weights("weights", weights, len(envs), "component", q.d)
@@ -257,7 +258,8 @@ def _learn(
             check_finite(agent.mu, names, t)
             times.append(t)
             returns.append(episodes.returns.mean(before=torch.nan))
-            if callback is not None and callback(t, returns[-1]) is False:
+            said = None if callback is None else callback(t, returns[-1])
+            if said is not None and not said:  # NumPy's and torch's False, too
                 break
     check_finite(agent.mu, names, done)
     factors = agent.scale_tril.detach().cpu() if isinstance(agent, VariationalTransfer) else None

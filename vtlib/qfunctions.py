@@ -191,8 +191,7 @@ class ModuleQ:
     """Any torch.nn.Module from observations (B, obs_dim) to values (B, A), by torch.func.
 
     The module's parameters, flattened in the order of ``named_parameters``, are the weights; the
-    module itself is only read. Slower than the hand-written Q-functions, and equal to them. Raises
-    ValueError for a module whose values depend on more than its parameters and the observation.
+    module itself is only read. Slower than by hand. Raises ValueError for buffers and dropout.
     """
 
     def __init__(self, module: nn.Module, n_actions: int) -> None:

@@ -127,8 +127,8 @@ class GymEpisodes:
             raise ValueError(f"environments must have the same spaces, got {sorted(sizes)}")
         ((self.obs_dim, self.n_actions),) = sizes
         self._envs: list[Any] = list(envs)
-        seeded = zip(envs, seeds, strict=True)
-        self.obs = _stack([env.reset(seed=int(seed))[0] for env, seed in seeded])
+        first = [self._seen(e, e.reset(seed=int(s))[0]) for e, s in zip(envs, seeds, strict=True)]
+        self.obs = torch.from_numpy(np.stack(first))
         self.returns = Returns(len(envs), gamma, window)
         self.fresh = torch.ones(len(envs), dtype=torch.bool)
 
@@ -137,19 +137,24 @@ class GymEpisodes:
         after, current, reward, ended, over = [], [], [], [], []
         for env, a in zip(self._envs, action.tolist(), strict=True):
             obs, r, terminated, truncated, _ = env.step(a + int(env.action_space.start))
-            # copied: an environment may hand out one array again and again
-            after.append(np.array(obs, np.float32))
+            after.append(self._seen(env, obs))
             reward.append(float(r))
-            if not np.isfinite([reward[-1], *after[-1]]).all():
-                raise ValueError(f"not finite: {env} gave a reward of {r} and observation {obs}")
+            if not np.isfinite(reward[-1]):
+                raise ValueError(f"rewards must be finite, {env} gave {r}")
             ended.append(bool(terminated))
             over.append(bool(terminated or truncated))
-            current.append(env.reset()[0] if over[-1] else obs)
-        outcome = torch.tensor(reward), _stack(after), torch.tensor(ended)
+            current.append(self._seen(env, env.reset()[0]) if over[-1] else after[-1])
+        outcome = torch.tensor(reward), torch.from_numpy(np.stack(after)), torch.tensor(ended)
         transition = Transition(self.obs, action, *outcome)
-        self.obs, self.fresh = _stack(current), torch.tensor(over)
+        self.obs, self.fresh = torch.from_numpy(np.stack(current)), torch.tensor(over)
         self.returns.add(transition.reward, self.fresh)
         return transition
+
+    def _seen(self, env: gymnasium.Env, obs: np.ndarray) -> np.ndarray:
+        seen = np.array(obs, np.float32)  # a copy: the array may be handed out again and again
+        if seen.shape != (self.obs_dim,) or not np.isfinite(seen).all():
+            raise ValueError(f"needs {self.obs_dim} finite numbers to see, {env} gave {obs}")
+        return seen
 
 
 def _sizes(env: gymnasium.Env) -> tuple[int, int]:
@@ -163,7 +168,3 @@ def _sizes(env: gymnasium.Env) -> tuple[int, int]:
     if not isinstance(discrete, gymnasium.spaces.Discrete):
         raise ValueError(f"needs a Discrete action space, got {discrete}: there is a value each")
     return box.shape[0], int(discrete.n)
-
-
-def _stack(observations: Sequence[np.ndarray]) -> Tensor:
-    return torch.from_numpy(np.stack(observations).astype(np.float32))

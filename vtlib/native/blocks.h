@@ -25,10 +25,11 @@ struct Member {
   int32_t pending, known, turn, from, waits;
   float shrunk, largest, pull, reach[DRAWS];  // the largest entry of each draw
 };
-static inline int panels_of(int d) { return (d + SIDE - 1) / SIDE; }
+static inline int64_t panels_of(int d) { return (d + SIDE - 1) / SIDE; }
 
 struct Blocks {
-  int d, panels;
+  int d;
+  int64_t panels;  // places in memory need more than 31 bits from 65,500 weights on
   Member *m;
   float *squares, *lefts, *aheads, *noises;
   Blocks(int d, float *memory) : d(d), panels(panels_of(d)), m((Member *)memory) {
@@ -37,10 +38,10 @@ struct Blocks {
     aheads = lefts + panels * DRAWS * SIDE;
     noises = aheads + panels * STRIDE * SIDE;
   }
-  float *square(int row, int col) const { return squares + (row * (row + 1) / 2 + col) * SIDE * SIDE; }
-  float *left(int panel) const { return lefts + panel * DRAWS * SIDE; }
-  float *ahead(int panel) const { return aheads + panel * STRIDE * SIDE; }
-  float *noise(int turn, int panel) const { return noises + (turn * panels + panel) * SIDE * STRIDE; }
+  float *square(int64_t row, int col) const { return squares + (row * (row + 1) / 2 + col) * SIDE * SIDE; }
+  float *left(int64_t panel) const { return lefts + panel * DRAWS * SIDE; }
+  float *ahead(int64_t panel) const { return aheads + panel * STRIDE * SIDE; }
+  float *noise(int turn, int64_t panel) const { return noises + (turn * panels + panel) * SIDE * STRIDE; }
   int height(int panel) const { return d - panel * SIDE < SIDE ? d - panel * SIDE : SIDE; }
   float *end() const { return noise(2, 0); }
 };
