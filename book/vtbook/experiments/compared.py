@@ -91,7 +91,6 @@ class Compared:
     floor: float = 0.0
     diverged: tuple[str, ...] = ()
     first: int = 0
-    tuned_in: Experiment | None = None
 
     def earned(self, experiment: Experiment, label: str) -> np.ndarray:
         """Stored learning returns (R,), averaged over all iterations, as shares of the optimum."""
@@ -137,23 +136,21 @@ class Compared:
 
     def tuning(self) -> Experiment:
         """All candidates of all algorithms, on tasks of their own."""
+        name = f"{self.experiment.name}-tuning"
         each = {x: self.candidates(x) for x in SPACES}
         algorithms = {candidate(x, k): one for x in each for k, one in enumerate(each[x])}
         stayed = {x: one for x, one in algorithms.items() if x not in self.diverged}
-        return self._runs(self.tuned_in or self.experiment, "tuning", stayed, TUNING_RUNS)
+        return self._runs(name, stayed, TUNING_RUNS)
 
     def judged(self) -> Experiment:
         """Each algorithm with the setting that was chosen for it, on other tasks."""
         chosen = zip(SPACES, self.chosen, strict=True)
         algorithms = {x: self.candidates(x)[k] for x, k in chosen}
-        return self._runs(self.experiment, "compared", algorithms, RUNS)
+        return self._runs(f"{self.experiment.name}-compared", algorithms, RUNS)
 
-    def _runs(
-        self, on: Experiment, kind: str, algorithms: Mapping[str, Algorithm], runs: int
-    ) -> Experiment:
-        name = f"{on.name}-{kind}"
+    def _runs(self, name: str, algorithms: Mapping[str, Algorithm], runs: int) -> Experiment:
         return evolve(
-            on,
+            self.experiment,
             name=name,
             stream=name,
             algorithms=algorithms,
