@@ -27,7 +27,6 @@ FAULTS: dict[str, list[tuple[str, str]]] = {
         (".mul_(psi / q.shape[-2])", ".mul_(psi)"),
         ("flow = (scaled_error * alive)", "flow = (scaled_error * gamma)"),
         ("alive = gamma * ~terminated", "alive = gamma"),
-        ("alpha=1 / kappa", "alpha=kappa"),
     ],
     "vtlib/priors": [
         ("/ freedom**0.5", "/ sources.shape[-2] ** 0.5"),
@@ -35,7 +34,6 @@ FAULTS: dict[str, list[tuple[str, str]]] = {
         ("return Start(self.mu.clone(),", "return Start(self.mu,"),
         ("torch.arange(components) % count", "torch.zeros(components).long()"),
         ("toward / (self._variance * mu.shape[1])", "toward / self._variance"),
-        ("else MAX_UPDATES if updates is None", "else 1 if updates is None"),
         ("- math.log(sources)\n", "- math.log(components)\n"),
     ],
     "vtlib/posteriors/base": [
@@ -69,12 +67,7 @@ FAULTS: dict[str, list[tuple[str, str]]] = {
         ("_steps > self._settings.patience", "_steps >= self._settings.patience"),
         ("draws = self._samples[:, :, 0]", "draws = self._samples[:, :, 1]"),
     ],
-    "vtlib/envs/rooms/tasks": [
-        ("<= GOAL_RADIUS**2", "<= 2 * GOAL_RADIUS**2"),
-    ],
     "vtlib/envs/maze/tasks": [
-        ("(share * count)", "(share * 100)"),
-        ("% (2 * math.pi)", "% math.pi"),
         ("directions(pose[2]) + jolt[:2]", "directions(pose[2])"),
     ],
 }

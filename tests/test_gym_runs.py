@@ -83,7 +83,7 @@ def test_what_was_learned_must_beat_the_source_by_its_standard_error(monkeypatch
     returns = iter([(1.0, 1.0), (0.0, 0.0), ours])  # of both sources and what was learned
 
     def play(*args, **given):
-        return attrs.evolve(played(*args, **given), returns=torch.tensor([next(returns)]))
+        return torch.tensor([next(returns)]), played(*args, **given)[1]
 
     monkeypatch.setattr(gym_runs, "_play", play)
     learned = transfer([Corridor()], Q, SOURCES[:2], 2, TRANSFER, trials=2)
@@ -92,7 +92,7 @@ def test_what_was_learned_must_beat_the_source_by_its_standard_error(monkeypatch
 
 
 def test_without_settings_the_recommended_ones_start_at_the_best_sources():
-    learned = transfer([Corridor()], Q, BOTH, 1, trials=1)
+    learned = transfer([Corridor()], Q, BOTH, 1, trials=2)
     torch.testing.assert_close(learned.weights[0], BOTH[[1, 0, 1]])
 
 
@@ -130,15 +130,15 @@ def test_a_callback_is_told_and_ends_the_learning_of_returns_known_once_an_episo
 
 @pytest.mark.parametrize("shown", [True, False])
 def test_a_bar_is_shown_on_request_alone(shown, capsys):
-    transfer([Corridor()], Q, SOURCES[:2], 30, TRANSFER, trials=1, progress=shown)
+    transfer([Corridor()], Q, SOURCES[:2], 30, TRANSFER, trials=2, progress=shown)
     assert ("30/30" in capsys.readouterr().err) is shown
 
 
 @pytest.mark.parametrize("settings", [TRANSFER, FineTuning(LEARNER)])
 def test_what_was_learned_is_saved_whole(settings, tmp_path):
-    learned = transfer([Corridor()], Q, SOURCES[:2], 120, settings, trials=1)
-    learned.save(tmp_path / "learned.npz")
-    again = Learned.load(tmp_path / "learned.npz")
+    learned = transfer([Corridor()], Q, SOURCES[:2], 120, settings, trials=2)
+    learned.save(tmp_path / "new" / "learned.npz")
+    again = Learned.load(tmp_path / "new" / "learned.npz")
     for name, part in attrs.asdict(learned, recurse=False).items():
         other = getattr(again, name)
         assert other is None if part is None else torch.equal(part, other), name
@@ -164,6 +164,9 @@ def test_a_file_that_is_not_whole_is_named(tmp_path):
         (partial(solve, [NAN], Q, 10), "rewards must be finite, .* gave nan"),
         (partial(evaluate, [BLIND], Q, BOTH[:1, None]), "needs 4 finite numbers to see, .* gave"),
         (partial(transfer, [ENV], Q, SOURCES, 10, 0), "settings must be"),
+        (partial(transfer, [ENV], Q, SOURCES, 10, trials=1), "trials must be 0 or at least 2"),
+        (partial(transfer, [ENV], Q, SOURCES, 10, callback=1), "callback must be of type Callable"),
+        (partial(transfer, [ENV], Q, np.ones((2, 9)), 10), "got ndarray of shape .2, 9.$"),
         (partial(transfer, [ENV], Q, SOURCES, 10, device="cuda:99"), r"device .*got 'cuda:99'"),
         (partial(evaluate, [ENV], Q, always(1).view(1, 1, -1), gamma=2.0), "gamma must lie in"),
         (partial(solve, [ENV, gym.Wrapper(ENV)], Q, 10), "one is given twice"),

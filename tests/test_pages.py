@@ -82,6 +82,7 @@ HIDDEN = """() => {
   return [
     ...shown('table, figure, img').filter(beyond).map(one => 'beyond: ' + said(one)),
     ...shown('*').filter(clipped).map(one => 'clipped: ' + said(one)),
+    ...shown('.whole').filter(one => one.getClientRects().length > 1).map(said),
   ];
 }"""
 

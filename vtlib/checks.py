@@ -23,6 +23,8 @@ def one_line(text: object) -> str:
 
 def shown(value: object) -> str:
     """A value as an error shows it: one line that is not too long."""
+    if isinstance(value, Tensor | np.ndarray):
+        return f"{type(value).__name__} of shape {tuple(value.shape)}"
     try:
         text = one_line(repr(value))
     except Exception:  # such as an integer with more digits than Python writes down
@@ -33,9 +35,8 @@ def shown(value: object) -> str:
 def check_whole(name: str, value: object, least: int = 1, most: int = LARGEST) -> None:
     """Raise ValueError unless value is an int between two others."""
     if not (isinstance(value, int) and _is_number(value) and least <= value <= most):
-        raise ValueError(
-            f"{name} must be a whole number from {least} to {most}, got {shown(value)}"
-        )
+        allowed = f"a whole number from {least} to {most}"
+        raise ValueError(f"{name} must be {allowed}, got {shown(value)}")
 
 
 def check_positive(name: str, value: object) -> None:
@@ -68,9 +69,8 @@ def check_name(name: str, value: object) -> None:
     """Raise ValueError unless value can name something in texts and be the name of a file."""
     text = value if isinstance(value, str) else ""
     if not (text.strip(" .") and text.isprintable() and "/" not in text):
-        raise ValueError(
-            f"{name} must be a text on one line, not empty and without '/', got {shown(value)}"
-        )
+        allowed = "a text on one line, not empty and without '/'"
+        raise ValueError(f"{name} must be {allowed}, got {shown(value)}")
 
 
 def check_weights(

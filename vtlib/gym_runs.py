@@ -57,7 +57,8 @@ class Learned:
             raise ValueError(f"arrays must be of {runs} runs and {times} records, got {found}")
 
     def save(self, path: str | Path) -> None:
-        """Write everything to one .npz of plain arrays, at once."""
+        """Write everything to one .npz of plain arrays, at once, and make its folder if need be."""
+        Path(path).parent.mkdir(parents=True, exist_ok=True)
         buffer = io.BytesIO()
         parts = attrs.asdict(self, recurse=False).items()
         arrays = {k: v.cpu().numpy() for k, v in parts if v is not None}
@@ -93,6 +94,7 @@ def solve(
     other than Box and Discrete, a Q-function of other sizes, or an environment that is given twice.
     """
     check_whole("iterations", iterations)
+    check_kind("callback", callback, Callable | None)
     check_kind("settings", settings, LearnerSettings | None)
     settings = settings or MellowTDSettings(epsilon_steps=max(1, iterations // 2))
     name = _name("solve", seed)
@@ -124,6 +126,9 @@ def transfer(
     """
     check_whole("iterations", iterations)
     check_whole("trials", trials, 0)
+    if trials == 1:
+        raise ValueError("trials must be 0 or at least 2: one has no standard error")
+    check_kind("callback", callback, Callable | None)
     check_kind("envs", envs, Sequence)
     check_kind("q", q, QFunction)
     check_kind("sources", sources, Tensor)
@@ -141,9 +146,9 @@ def transfer(
     steps = torch.zeros(len(envs), dtype=torch.int64)
     play = partial(_play, envs, q, episodes=trials, name=f"{name} trial", gamma=gamma)
     if trials:
-        tried = [play(weights=shared[:, [i]]) for i in range(len(sources))]
-        steps += torch.stack([x.steps for x in tried]).sum(0)
-        earned = torch.stack([x.returns for x in tried], 1)
+        tried = [play(weights=one) for one in shared.split(1, 1)]
+        steps += sum(took for _, took in tried)
+        earned = torch.stack([returns for returns, _ in tried], 1)
         order = torch.argsort(-earned.mean(2), dim=1, stable=True)
         shared = shared.gather(1, order.unsqueeze(2).expand_as(shared))
     episodes, rng = _episodes(envs, q, name, gamma), Rng(name, range(len(envs)))
@@ -152,11 +157,11 @@ def transfer(
     learned = evolve(learned, steps=learned.steps + steps)
     if not trials:
         return learned
-    ours = play(weights=learned.weights)
-    gain = ours.returns - earned[torch.arange(len(envs)), order[:, 0]]
-    improved = gain.mean(1) >= gain.std(1, correction=0) / max(1, trials - 1) ** 0.5
+    ours, took = play(weights=learned.weights)
+    gain = ours - earned[torch.arange(len(envs)), order[:, 0]]
+    improved = gain.mean(1) >= gain.std(1, correction=0) / (trials - 1) ** 0.5
     weights = torch.where(improved.view(-1, 1, 1), learned.weights, shared[:, :1])
-    return evolve(learned, weights=weights, steps=learned.steps + ours.steps, improved=improved)
+    return evolve(learned, weights=weights, steps=learned.steps + took, improved=improved)
 
 
 def evaluate(
@@ -178,13 +183,7 @@ def evaluate(
     check_kind("q", q, QFunction)
     check_kind("weights", weights, Tensor)
     check_weights("weights", weights, len(envs), "component", q.d)
-    return _play(envs, q, weights, episodes, _name("evaluate", seed), gamma).returns
-
-
-@frozen
-class _Played:
-    returns: Tensor  # (R, episodes)
-    steps: Tensor  # (R,)
+    return _play(envs, q, weights, episodes, _name("evaluate", seed), gamma)[0]
 
 
 def _play(
@@ -194,8 +193,8 @@ def _play(
     episodes: int,
     name: str,
     gamma: float,
-) -> _Played:
-    """Greedy episodes of weights (R, C, d), played until each run has so many."""
+) -> tuple[Tensor, Tensor]:
+    """Greedy returns (R, episodes) of weights (R, C, d), and steps (R,) played to get them."""
     play, count = _episodes(envs, q, name, gamma), torch.zeros(len(envs), dtype=torch.int64)
     steps, since = torch.zeros_like(count), torch.zeros_like(count)
     running, discount = torch.zeros(len(envs)), torch.ones(len(envs))
@@ -211,11 +210,9 @@ def _play(
             count[row] += 1
         running[play.fresh], discount[play.fresh], since[play.fresh] = 0.0, 1.0, 0
         if int(since.max()) > LONGEST:
-            raise ValueError(
-                f"an episode has not ended after {LONGEST:,} steps: "
-                "gymnasium.wrappers.TimeLimit ends it"
-            )
-    return _Played(returns, steps)
+            told = f"an episode has not ended after {LONGEST:,} steps"
+            raise ValueError(f"{told}: gymnasium.wrappers.TimeLimit ends it")
+    return returns, steps
 
 
 def _name(what: str, seed: int) -> str:

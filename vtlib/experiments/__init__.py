@@ -2,11 +2,13 @@
 
 import functools
 from collections.abc import Callable, Mapping
+from difflib import get_close_matches
 from importlib.metadata import entry_points
 from pathlib import Path
 
 import numpy as np
 
+from vtlib.checks import shown
 from vtlib.experiments.experiment import Experiment
 from vtlib.experiments.heads import live_check
 from vtlib.experiments.store import load, returns
@@ -34,8 +36,9 @@ def named(name: str) -> list[Experiment]:
     if name in installed():
         return list(installed()[name].values())
     if name not in known():
-        names = ", ".join([*installed(), *known()])
-        raise ValueError(f"unknown experiment {name!r}; known are {names}")
+        near = get_close_matches(name, known()) or installed()
+        told = f"unknown experiment {shown(name)}, {' or '.join(near)} perhaps"
+        raise ValueError(f"{told}; run --help lists all")
     return [known()[name]]
 
 
