@@ -46,12 +46,8 @@ FAULTS: dict[str, list[tuple[str, str]]] = {
         (".tril_(), alpha", ", alpha"),
         (" diagonal.clamp_(min=self._sigma_min)", " diagonal.abs_()"),
     ],
-    "vtlib/posteriors/diagonal": [
-        ("self._pull * self._sigma - 1", "self._pull * self._sigma**2 - 1"),
-    ],
     "vtlib/posteriors/native": [
         ("min(self._clip, LARGEST)", "2 * min(self._clip, LARGEST / 2)"),
-        ('self._kl == "diagonal"', "False"),
         ("run * components", "run"),
         ("copy = memory.clone()", "copy = memory"),
     ],

@@ -38,10 +38,11 @@ def uniform_share_at_door() -> float:
 
 
 def coverage(visited: np.ndarray) -> dict[str, np.ndarray]:
-    """How many (R,) of the lower room's 50 unit cells were visited, in two ways.
+    """How many (R,) of the lower room's 50 unit cells were visited, in two ways, and where.
 
     The effective cells are the exponential of the visits' entropy over the cells, which as many
-    cells, visited equally often, would have. Without a visit it is 1.
+    cells, visited equally often, would have. Without a visit it is 1. Right of the middle lies a
+    share of the visits, 0 without one.
     """
     edges = [np.arange(count + 1) for count in CELLS]
     lower = [run[run[:, 1] < WALL] for run in visited]
@@ -50,6 +51,7 @@ def coverage(visited: np.ndarray) -> dict[str, np.ndarray]:
     return {
         "cells visited": np.asarray((counts > 0).sum(1)),
         "effective cells": np.exp(entr(share).sum(1)),
+        "visits right of the middle": share[:, share.shape[1] // 2 :].sum(1),
     }
 
 

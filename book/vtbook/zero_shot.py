@@ -10,14 +10,17 @@ from vtlib.experiments.sources import check_pool_weights
 from vtlib.rng import Rng
 
 
-def zero_shot(experiment: Experiment, weights: np.ndarray, episodes: int = 200) -> np.ndarray:
+def zero_shot(
+    experiment: Experiment, weights: np.ndarray, episodes: int = 200, of_mean: bool = False
+) -> np.ndarray:
     """What each run's sources earn without learning (R,), by the best of them at each step.
 
-    weights (count, d) are those of the pool's sources. Source: Barreto et al. (2017), generalised
-    policy improvement.
+    weights (count, d) are those of the pool's sources; or by the mean of a run's own. Source:
+    Barreto et al. (2017), generalised policy improvement.
     """
     runs, family = range(experiment.runs), experiment.family
     check_pool_weights(experiment.pool, weights)
     rng = Rng(f"{experiment.stream} zero-shot", runs)
     evaluate = Evaluation(family.q(), targets(experiment, runs), rng, episodes, "max")
-    return evaluate(torch.from_numpy(weights[chosen_sources(experiment, runs)])).numpy()
+    given = torch.from_numpy(weights[chosen_sources(experiment, runs)])
+    return evaluate(given.mean(1, keepdim=True) if of_mean else given).numpy()

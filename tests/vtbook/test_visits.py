@@ -41,6 +41,8 @@ def test_measures_of_the_lower_room_equal_their_definitions(positions, door):
     runs = np.array([positions, [(3, 5)] * len(positions)], dtype=np.float32)
     found = coverage(runs)
     assert share_at_door(runs, door).tolist() == [len(near) / max(len(below), 1), 0]
+    right = sum(count for (x, _), count in cells.items() if x >= 5) / max(len(below), 1)
+    assert found["visits right of the middle"].tolist() == pytest.approx([right, 0])
     assert found["cells visited"].tolist() == [len(cells), 0]
     assert found["effective cells"].tolist() == pytest.approx([(shares**-shares).prod(), 1])
 

@@ -19,3 +19,4 @@ def test_what_sources_earn_at_once_is_by_the_surest_of_a_runs_own(tiny):
     evaluate = Evaluation(tiny.family.q(), targets(tiny, runs), rng, 30)
     expected = evaluate(torch.from_numpy(pool[surest])[:, None])
     np.testing.assert_allclose(found, expected, rtol=1e-6)
+    assert (zero_shot(tiny, pool, of_mean=True) != zero_shot(tiny, pool)).any()

@@ -40,7 +40,7 @@ class MazeEnv(TasksEnv):
     - *y' = y + l sin θ + 0.05 z₂*
     - *θ' = θ + w + 0.05 z₃*
 
-    A move that meets a wall or the border on its straight way ends 1 cm before it.
+    A move that meets a wall ends 1 cm before it; the border cuts x and y each by itself (sliding).
 
     ## Reward
     1 on a step that ends in the goal's cell, else 0. The thesis discounts by 0.99 per step.
