@@ -12,7 +12,16 @@ from torch import Tensor
 from torch.overrides import TorchFunctionMode
 from torch.utils._pytree import tree_leaves
 
+from vtbook.neighbours import (
+    HeadsSettings,
+    HierarchicalSettings,
+    IVONSettings,
+    LangevinSettings,
+    RegressionSettings,
+    UnstartedSettings,
+)
 from vtlib import posteriors
+from vtlib.baselines import FineTuning, MellowTDSettings
 from vtlib.experiments.experiment import Algorithm
 from vtlib.qfunctions import MLP, QFunction, RBFLinear
 from vtlib.recommended import FIRST, Recommended
@@ -63,7 +72,8 @@ def course(q: QFunction, settings: Algorithm, device: str) -> list[Tensor]:
         taken.append(agent.act(obs[t], flags))
         reward = torch.tensor([1e5 if t % 7 == 6 else 1.0, 1.0])
         agent.learn(Transition(obs[t], taken[-1], reward, obs[t + 1], flags))
-    return [agent.mu.detach().cpu(), agent.scale_tril.cpu(), torch.stack(taken)]
+    factors = getattr(agent, "scale_tril", torch.zeros(0))  # of what has a posterior
+    return [agent.mu.detach().cpu(), factors.cpu(), torch.stack(taken)]
 
 
 SHORT = partial(Settings, lambda_=1e-2, alpha_L=1e-4, minibatch=3, n_samples=2)
@@ -80,6 +90,13 @@ SHORT = partial(Settings, lambda_=1e-2, alpha_L=1e-4, minibatch=3, n_samples=2)
         SHORT(components=3, init="mean", responsibilities="equal", act="episode"),
         SHORT(components=3, covariance="diagonal", kl="diagonal"),
         Recommended(),
+        FineTuning(MellowTDSettings(epsilon_steps=9)),
+        IVONSettings(),
+        LangevinSettings(alpha=1e-9),
+        HeadsSettings(prior_scale=1.0),
+        RegressionSettings(every=5),
+        HierarchicalSettings("gaussian", minibatch=3),
+        UnstartedSettings(minibatch=3),
     ],
 )
 def test_runs_on_a_card_mix_nothing_and_are_the_same(monkeypatch, q, settings):

@@ -134,6 +134,11 @@ def test_a_bar_is_shown_on_request_alone(shown, capsys):
     assert ("30/30" in capsys.readouterr().err) is shown
 
 
+def test_of_a_diagonal_posterior_no_square_factor_is_made():
+    settings = attrs.evolve(TRANSFER, covariance="diagonal", init="sources")
+    assert transfer([Corridor()], Q, SOURCES[:2], 2, settings, trials=0).scale_tril is None
+
+
 @pytest.mark.parametrize("settings", [TRANSFER, FineTuning(LEARNER)])
 def test_what_was_learned_is_saved_whole(settings, tmp_path):
     learned = transfer([Corridor()], Q, SOURCES[:2], 120, settings, trials=2)

@@ -80,7 +80,7 @@ class FineTuning:
 
     def agent(self, q: QFunction, sources: Tensor, obs_dim: int, rng: Rng) -> EpsilonGreedyLearner:
         """A learner that transfers from sources (R, S, d)."""
-        return self.learner.agent(q, self.first_weights(sources), obs_dim, rng)
+        return self.learner.agent(q, self.first_weights(sources.cpu()), obs_dim, rng)
 
 
 class EpsilonGreedyLearner(ABC):

@@ -86,9 +86,8 @@ def _parser() -> argparse.ArgumentParser:
 def _at_least(least: int) -> Callable[[str], int]:
     def whole(text: str) -> int:
         if not text.isdecimal() or int(text) < least:
-            raise argparse.ArgumentTypeError(
-                f"must be a whole number of at least {least}, got {text!r}"
-            )
+            told = f"must be a whole number of at least {least}"
+            raise argparse.ArgumentTypeError(f"{told}, got {text!r}")
         return int(text)
 
     return whole

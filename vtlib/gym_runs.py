@@ -39,7 +39,7 @@ class Learned:
     (T,) and returns (R, T): mean discounted return of the last 50 episodes, NaN before the first
     has ended. steps (R,): of the environment, trials included. improved (R,): whether the weights
     learned are kept; else they are those of the best source (see ``transfer``). scale_tril
-    (R, C, d, d): the factors L of what was learned, kept or not; None without a posterior.
+    (R, C, d, d): the factors L of what was learned, kept or not; None without a full posterior.
     """
 
     weights: Tensor
@@ -259,10 +259,12 @@ def _learn(
             if said is not None and not said:  # NumPy's and torch's False, too
                 break
     check_finite(agent.mu, names, done)
-    factors = agent.scale_tril.detach().cpu() if isinstance(agent, VariationalTransfer) else None
+    factors = None
+    if isinstance(agent, VariationalTransfer) and agent.covariance == "full":
+        factors = agent.scale_tril.detach().cpu()
     return Learned(
         weights=agent.mu.detach().cpu().clone(),
-        iterations=torch.tensor(times),
+        iterations=torch.tensor(times, dtype=torch.int64),
         returns=torch.stack(returns, 1) if returns else torch.empty(runs, 0),
         steps=torch.full((runs,), done),
         improved=torch.ones(runs, dtype=torch.bool),

@@ -152,9 +152,8 @@ class MLP:
 
 def _check_observations(obs: Tensor, size: int) -> None:
     if obs.shape[-1] != size:
-        raise ValueError(
-            f"observations must have {size} numbers for this Q-function, got {obs.shape[-1]}"
-        )
+        told = f"observations must have {size} numbers for this Q-function"
+        raise ValueError(f"{told}, got {obs.shape[-1]}")
 
 
 def _gradients(matrices: list[Tensor], passed: list[Tensor], delta: Tensor) -> list[Tensor]:

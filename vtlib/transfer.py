@@ -80,14 +80,11 @@ class Settings:
         if self.init == other:
             raise ValueError(f"init must not be {other!r} for a {self.family} posterior")
         if gaussian and self.components != 1:
-            raise ValueError(
-                f"components must be 1: a gaussian posterior has 1 component, got {self.components}"
-            )
+            told = "components must be 1: a gaussian posterior has 1 component"
+            raise ValueError(f"{told}, got {self.components}")
         if self.covariance == "diagonal" and self.init == "span":
-            raise ValueError(
-                "init must be 'sources', got 'span': a diagonal posterior cannot start within the "
-                "span of the sources"
-            )
+            told = "init must be 'sources', got 'span'"
+            raise ValueError(f"{told}: a diagonal posterior cannot start within the sources' span")
 
     def agent(self, q: QFunction, sources: Tensor, obs_dim: int, rng: Rng) -> VariationalTransfer:
         """An agent that transfers from sources (R, S, d)."""
@@ -130,6 +127,7 @@ class VariationalTransfer:
             rng.stream("posterior"),
             s.n_samples + 1,
         )
+        self.covariance = s.covariance
         self._adam = torch.optim.Adam([self._posterior.mu], lr=s.alpha_mu, fused=True)
         self._buffer = ReplayBuffer(len(sources), s.buffer, obs_dim)
         self._steps = 0

@@ -43,7 +43,7 @@ def cost(
     """The cost of an algorithm that transfers from so many of the pool's sources.
 
     Runs that never solve their task count with all their steps, which understates what a method
-    that solves them saves.
+    that solves them saves, and says little where both leave many unsolved.
     """
     end = float(transfer.iteration[-1])
     own, others = (steps_to_solve(x, floor) for x in (transfer, without))

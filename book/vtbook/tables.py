@@ -8,15 +8,11 @@ from typing import Any
 
 import attrs
 import numpy as np
-from xarray import Dataset
 
 from vtbook.claims import VERDICTS, Claim, Figure
-from vtbook.comparisons import bootstrap_interval, improvement_interval
 from vtbook.costs import Cost
-from vtbook.plots import power_of_ten
 from vtlib.experiments.experiment import Experiment
-from vtlib.rng import generator
-from vtlib.stats import Interval, mean_interval
+from vtlib.stats import Interval
 
 NO_BREAK = "\N{NO-BREAK SPACE}"
 Row = Sequence[str]
@@ -135,11 +131,19 @@ def cost_of_sources_table(costs: Mapping[str, Cost]) -> str:
             f"{one.without.mean():,.0f}",
             told(one.saved, "z,.0f"),
             f"{one.unsolved} of {len(one.with_transfer)}; {one.unsolved_without} without transfer",
-            f"{np.ceil(one.tasks):,.0f}" if np.isfinite(one.tasks) else "never",
+            _paid(one),
         ]
         for label, one in costs.items()
     ]
     return html_table(head, rows)
+
+
+def _paid(cost: Cost) -> str:
+    """After how many tasks transfer has paid, with the interval that the steps saved give."""
+    if cost.saved.low <= 0:
+        return "not shown to pay" if cost.saved.high > 0 else "never"
+    least, most = (np.ceil(cost.sources / x) for x in (cost.saved.high, cost.saved.low))
+    return f"{np.ceil(cost.tasks):,.0f} ({least:,.0f} to {most:,.0f})"
 
 
 def settings_table(experiment: Experiment) -> str:
@@ -188,30 +192,6 @@ def cost_table(notes: Iterable[Mapping[str, Any]]) -> str:
     return html_table(["stored result", "seconds of one core", "processor", "versions"], rows)
 
 
-def robust_table(
-    experiment: Experiment, runs: Mapping[str, Dataset], iteration: int, against: str
-) -> str:
-    """Shares of the optimum at an iteration: mean, interquartile mean, chance of improvement.
-
-    runs: {label: stored returns}, against one of the labels. Intervals are Student's for the mean,
-    and otherwise from a bootstrap within tasks that is seeded by the label.
-    """
-    shares = {
-        x: (stored.learning.sel(iteration=iteration) / stored.optimum).values
-        for x, stored in runs.items()
-    }
-    each, rows = experiment.runs_per_task, []
-    strata = np.arange(len(shares[against])) // each if each > 1 else None
-    for label, share in shares.items():
-        rng = generator(experiment.name, 0, f"bootstrap {label} {iteration}")
-        middle = bootstrap_interval(share, rng, strata=strata)
-        better = improvement_interval(share, shares[against], rng, strata)
-        chance = "" if label == against else told(better)
-        rows.append([label, told(mean_interval(share)), told(middle), chance])
-    share_of = "mean share of the optimum", "interquartile mean"
-    return html_table(["algorithm", *share_of, f"P(better than {against})"], rows)
-
-
 def told(value: Interval | np.ndarray | float, form: str = "z.2f") -> str:
     """A number in words, with its interval if it has one, by a format for each."""
     if isinstance(value, tuple):
@@ -221,22 +201,3 @@ def told(value: Interval | np.ndarray | float, form: str = "z.2f") -> str:
         return f"{centre} ({low} to {high})"
     text = f"{value:{form}}"
     return f"−{text[1:]}" if text.startswith("-") else text
-
-
-def sweep_table(shares: Mapping[tuple[float, float], np.ndarray]) -> str:
-    """Mean share of the optimum with half the width of its 95 % interval: ψ down, λ across.
-
-    shares: {(lambda, psi): share (R,) of the optimum}, for each of some lambdas and psis.
-    """
-    lambdas, psis = (sorted({key[i] for key in shares}) for i in (0, 1))
-    head = ["", *(f"λ{NO_BREAK}={NO_BREAK}{power_of_ten(x)}" for x in lambdas)]
-    rows = [
-        [f"ψ{NO_BREAK}={NO_BREAK}{psi:g}", *(_share(shares[x, psi]) for x in lambdas)]
-        for psi in psis
-    ]
-    return html_table(head, rows)
-
-
-def _share(values: np.ndarray) -> str:
-    band = mean_interval(values)
-    return f"{band.centre:.2f}{NO_BREAK}±{NO_BREAK}{band.high - band.centre:.2f}"

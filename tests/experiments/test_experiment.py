@@ -61,5 +61,5 @@ def test_a_bad_field_is_refused_by_its_name(tiny, kind, name, value):
 def test_a_pool_cannot_have_more_sources_than_its_family_names():
     mazes = MazeFamily(("north-east 0", "south-west 11"))
     Pool("mazes", mazes, count=2)
-    with pytest.raises(ValueError, match="count must not exceed the tasks of the family, got 3"):
+    with pytest.raises(ValueError, match="count must not exceed a family's tasks, got 3"):
         Pool("mazes", mazes, count=3)

@@ -100,6 +100,13 @@ def test_two_experiments_share_their_pool_and_one_bar(tiny, here, tmp_path, caps
     assert "left" in bar
 
 
+def test_two_experiments_of_one_name_are_refused(tiny, tmp_path):
+    one = evolve(tiny, algorithms={"NT": tiny.algorithms["NT"]})
+    with pytest.raises(ValueError, match="names of their own"):
+        schedule.complete([tiny, one], tmp_path)
+    assert not list(tmp_path.rglob("*.npz"))
+
+
 def test_the_bar_never_goes_back_and_ends_with_the_last_unit(tiny):
     progress = schedule.Progress(units_of(tiny), "tiny", quiet=True)
     parts = [str(unit.part) for unit in units_of(tiny)]

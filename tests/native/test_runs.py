@@ -117,7 +117,18 @@ def test_what_the_kernels_do_not_know_is_left_to_the_engine(monkeypatch):
     beyond = {"components": 4, "n_samples": 16, "minibatch": 513, "patience": 1}
     others = {**beyond, "act": "episode", "covariance": "diagonal"}
     changed = [evolve(Settings(), **{name: value}) for name, value in others.items()]
-    for algorithm in (*changed, Own(), DEEP, FineTuning(DEEP)):
+
+    class OwnTuning(FineTuning):
+        """Fine-tuning whose agent may be another one."""
+
+    class OwnFamily(RoomsFamily):
+        """Rooms whose dynamics may be others."""
+
+    # the kernels tell returns by the algorithm's discount, the engine by the task's
+    other_discounts = Settings(gamma=0.5), evolve(LEARNER, gamma=0.5)
+    own = Own(), DEEP, FineTuning(DEEP), OwnTuning(LEARNER), *other_discounts
+    for algorithm in (*changed, *own):
         assert not supports(ROOMS, algorithm, 5)
+    assert not supports(OwnFamily(), Settings(), 5)
     monkeypatch.setattr("vtlib.native.runs.kernels", lambda: None)
     assert not supports(ROOMS, Settings(), 5)

@@ -5,43 +5,25 @@ from functools import partial
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from scipy.stats import t as student
 
 from vtbook.comparisons import (
-    bootstrap_interval,
     holm,
-    improvement_interval,
-    interquartile_mean,
     paired_p,
     ratio_interval,
     slope_interval,
     spread_interval,
 )
 
-TASKS = np.repeat(np.arange(4), 5)
-BETTER = 0.5 * (1 + math.erf(0.4))  # the chance of a normal run that is shifted by 0.8
-
 
 def rng(seed=0):
     return np.random.default_rng(seed)
 
 
-def runs(g):
-    """Five runs of each task, which differ by ten."""
-    return 10.0 * TASKS + g.standard_normal(20)
-
-
-def test_runs_that_do_not_pair_or_fit_their_strata_are_refused():
-    drawn = [partial(f, rng=rng()) for f in (spread_interval, improvement_interval)]
-    for call in (slope_interval, ratio_interval, paired_p, *drawn):
+def test_runs_that_do_not_pair_are_refused():
+    for call in (slope_interval, ratio_interval, paired_p, partial(spread_interval, rng=rng())):
         with pytest.raises(ValueError, match="must pair"):
             call(range(20), range(19))
-    for strata in (TASKS[:5], TASKS.reshape(4, 5), np.arange(20)):
-        for call in (bootstrap_interval, partial(improvement_interval, TASKS)):
-            with pytest.raises(ValueError, match=r"as many strata|two or more"):
-                call(TASKS, rng(), strata)
 
 
 def test_the_slope_is_that_of_least_squares_and_its_interval_students():
@@ -76,21 +58,6 @@ def test_a_ratio_of_deviations_is_that_of_the_runs_and_resamples_them_in_pairs()
     assert spread_interval(odd, odd, rng()) == pytest.approx((1, 1, 1))
 
 
-def test_the_probability_of_improvement_counts_pairs_of_a_task():
-    tasks, a, b = np.array([[0, 1, 0, 1, 1], [1, 9, 2, 9, 9], [0, 9, 1, 9, 9]])
-    # task 0: three wins and a tie in four pairs; task 1: nine ties
-    expected = (3.5 / 4 + 0.5) / 2
-    assert improvement_interval(a, b, rng(), tasks, 50).centre == pytest.approx(expected)
-
-
-@settings(deadline=None, derandomize=True)
-@given(st.lists(st.floats(-100, 100), min_size=1, max_size=23))
-def test_the_interquartile_mean_is_that_of_the_middle_half_of_four_copies(values):
-    expected = math.fsum(sorted(values * 4)[len(values) : 3 * len(values)]) / (2 * len(values))
-    columns = interquartile_mean(np.stack([values, np.negative(values)], 1))
-    np.testing.assert_allclose(columns, [expected, -expected], atol=1e-9)
-
-
 def test_holms_p_values_are_those_of_its_steps():
     # 4 * .005, 3 * .01, 2 * .03, and .04, which must not be less than the one before
     np.testing.assert_allclose(holm(np.array([0.01, 0.04, 0.03, 0.005])), [0.03, 0.06, 0.06, 0.02])
@@ -107,35 +74,18 @@ def test_paired_runs_are_tested_by_their_differences():
     assert paired_p(base + shift, base) == pytest.approx(2 * student.sf(abs(t), 29), rel=1e-6)
 
 
-def test_the_bootstrap_resamples_whole_runs_of_each_task_with_its_generator():
-    values = rng().random((10, 1)) * np.ones(5)
-    one, same, other = (bootstrap_interval(values, rng(seed), draws=50) for seed in (1, 1, 2))
-    np.testing.assert_array_equal(one, same)
-    assert not np.array_equal(one.low, other.low)
-    np.testing.assert_array_equal(one.centre, interquartile_mean(values))
-    assert all(np.ptp(end) < 1e-12 for end in one)
-    assert one.low[0] < one.centre[0] < one.high[0]
-    # nor does it count what tasks differ by
-    mine, pooled = (bootstrap_interval(runs(rng(2)), rng(), tasks, 500) for tasks in (TASKS, None))
-    assert mine.high - mine.low < 0.2 * (pooled.high - pooled.low)
-
-
 def pair(g):
     """Pairs that share half of their variance; the ratio of their deviations is 2."""
     shared, own = g.standard_normal((2, 20))
     return 3 + 2 * (shared + own) / math.sqrt(2), 5 + shared
 
 
-# Standard errors up to 0.02. A percentile bootstrap of twenty pairs is a little short, and strata
-# of five runs make the interval too short by sqrt(4/5): 0.92 instead of 0.95.
+# Standard errors up to 0.02. A percentile bootstrap of twenty pairs is a little short.
 @pytest.mark.parametrize(
     ("find", "truth", "least", "most"),
     [
         (lambda g: ratio_interval(*pair(g)), 0.6, 0.92, 0.985),
         (lambda g: spread_interval(*pair(g), g, 200), 2.0, 0.86, 0.985),
-        # the middle half of the pooled runs is that of tasks 1 and 2
-        (lambda g: bootstrap_interval(runs(g), g, TASKS, 200), 15.0, 0.85, 0.97),
-        (lambda g: improvement_interval(0.8 + runs(g), runs(g), g, TASKS, 200), BETTER, 0.86, 0.98),
     ],
 )
 def test_intervals_cover_what_they_estimate(find, truth, least, most):

@@ -36,9 +36,8 @@ def named(name: str) -> list[Experiment]:
     if name in installed():
         return list(installed()[name].values())
     if name not in known():
-        near = get_close_matches(name, known()) or installed()
-        told = f"unknown experiment {shown(name)}, {' or '.join(near)} perhaps"
-        raise ValueError(f"{told}; run --help lists all")
+        near = " or ".join(get_close_matches(name, known()) or installed())
+        raise ValueError(f"unknown experiment {shown(name)}, {near} perhaps; run --help lists all")
     return [known()[name]]
 
 

@@ -72,9 +72,7 @@ class Pool:
         try:
             self.family.source_tasks(self.stream, [self.count - 1])
         except IndexError:
-            raise ValueError(
-                f"count must not exceed the tasks of the family, got {self.count}"
-            ) from None
+            raise ValueError(f"count must not exceed a family's tasks, got {self.count}") from None
         _check_algorithm("settings", self.settings)
         if self.settings.transfers:
             raise ValueError(f"settings must not transfer, got {shown(self.settings)}")
@@ -135,14 +133,13 @@ class Experiment:
             raise ValueError(f"algorithms must name at least one, got {shown(self.algorithms)}")
         for label, algorithm in self.algorithms.items():
             check_name("a label in algorithms", label)
-            if label == TASKS:
-                raise ValueError(f"algorithms must not be called {TASKS!r}, got {shown(label)}")
+            if label in (TASKS, SOURCES):
+                raise ValueError(f"algorithms must not be called like that, got {shown(label)}")
             _check_algorithm(f"algorithms[{label!r}]", algorithm)
         check_whole("every", self.every, 1, self.iterations)
         if self.runs % self.runs_per_task:
-            raise ValueError(
-                f"runs_per_task must divide the {self.runs} runs, got {self.runs_per_task}"
-            )
+            told = f"runs_per_task must divide the {self.runs} runs"
+            raise ValueError(f"{told}, got {self.runs_per_task}")
         for index in self.excluded:
             check_whole("excluded", index, 0, self.pool.count - 1)
         check_whole("sources", self.sources, 1, len(self.eligible))

@@ -43,6 +43,8 @@ def reproduce(
     Only the first ``runs`` of each are computed, if so many are asked for. workers: as for
     ``schedule.complete``.
     """
+    if fresh.resolve() == root.resolve():
+        raise ValueError(f"results must be compared with others than themselves, got {fresh} twice")
     results = store.results_behind(experiments)
     for owner, label in results:
         if store.exists(path := store.path_of(owner, label, root)):

@@ -153,7 +153,7 @@ def head(
     experiment: Experiment, label: str, runs: Sequence[int], weights: np.ndarray
 ) -> np.ndarray:
     """Fingerprints (R, 3, 4) of the first iterations of some runs, computed anew."""
-    last = FINGERPRINTS[-1]
+    last = min(FINGERPRINTS[-1], experiment.iterations)
     short = evolve(experiment, iterations=last, every=last, visits=False, probes=0, probe=None)
     return run_batch(short, label, runs, weights)["fingerprints"]
 

@@ -214,6 +214,8 @@ def complete(
     pools = {e.pool.name: e.pool for e in experiments}.values()
     owners: list[Pool | Experiment] = [*pools, *experiments]
     units = [unit for owner in owners for unit in units_of(owner)]
+    if len({u.part for u in units}) < len(units):
+        raise ValueError("experiments and pools must have names of their own")
     check(units, root)
     join_finished(units, root)
     missing = [u for u in units if not done(u, root)]

@@ -307,7 +307,8 @@ def load(owner: Pool | Experiment, label: str, root: Path | None = None) -> xr.D
         if array.shape[:1] != (count,):
             raise TornResult(f"{path_of(owner, label, root)} does not hold {count} {name}")
         rest = [f"{name}_{axis}" for axis in range(1, array.ndim)]
-        if rest and recorded is not None and array.shape[1:2] == recorded.shape:
+        along = recorded is not None and array.shape[1:2] == recorded.shape
+        if along and name != "fingerprints":
             rest[0] = "iteration"
         variables[name] = ([first, *rest], array)
     return xr.Dataset(variables, coordinates, note)

@@ -27,7 +27,7 @@ RELATIVE = 1e-3
 ABSOLUTE = 1e-3
 TIES = 2  # evaluations that rounding may change, where two actions are worth the same
 EARNED = "learning", "greedy"
-LEVEL = 0.01  # how often a report may call runs different that are not, whatever it compares
+LEVEL = 0.01  # how often `reproduce` calls alike runs different; for one result `verify` a tenth
 DRAWS = 1_000_000  # where 10,000 leave it open whether a p value is below a level
 TRAINED = ("weights", "iterations", "greedy", "solved", "fresh", "passes")  # what sources end with
 

@@ -24,6 +24,7 @@ from vtlib.transfer import Settings
 LEARNER, GAUSSIAN, MIXTURE = range(3)
 LANES, MOST_COMPONENTS, MOST_SOURCES, MOST_BATCH, WINDOW = 16, 3, 10, 512, 50
 MOST_PARAMETERS = 5  # of a task
+DISCOUNT = 0.99  # as all families have it
 LINE = 64  # bytes that a cache line has, at multiples of which the kernel's arrays lie
 AHEAD = 16  # iterations whose random numbers are drawn at a time
 NO_CLIP = 3e38
@@ -56,14 +57,15 @@ class _Random(ctypes.Structure):
 def supports(family: TaskFamily, algorithm: Any, sources: int) -> bool:
     """Whether the kernels can run an algorithm, with so many sources, on tasks of a family."""
     library = kernels()
-    if library is None or not family.kernel or family.window != WINDOW:
+    if library is None or not vars(type(family)).get("kernel") or family.window != WINDOW:
         return False
     if getattr(library, f"{family.kernel}_weights")() != family.q().d:
         return False
-    if isinstance(algorithm, FineTuning):
+    # nor here what derives from them, whose agent or dynamics may be another's
+    if type(algorithm) is FineTuning:
         algorithm = algorithm.learner
-    # not what derives from them, whose agent may be another one
-    if type(algorithm) not in (MellowTDSettings, Settings) or algorithm.minibatch > MOST_BATCH:
+    known = type(algorithm) in (MellowTDSettings, Settings) and algorithm.gamma == DISCOUNT
+    if not known or algorithm.minibatch > MOST_BATCH:
         return False
     return not algorithm.transfers or bool(
         algorithm.components <= MOST_COMPONENTS

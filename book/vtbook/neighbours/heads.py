@@ -28,7 +28,7 @@ class HeadsSettings(TDSettings):
 
     def agent(self, q: QFunction, sources: Tensor, obs_dim: int, rng: Rng) -> Heads:
         """An agent that transfers from sources (R, S, d)."""
-        return Heads(q, sources, obs_dim, self, rng)
+        return Heads(q, sources.cpu(), obs_dim, self, rng)
 
 
 class Heads(Learner):

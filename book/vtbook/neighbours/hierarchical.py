@@ -62,10 +62,10 @@ def evidence_psi(scatter: Tensor) -> Tensor:
     nu_n = d + 2 + S; its slope changes sign once.
     """
     d, count = scatter.shape[0], scatter.shape[1] - 1
-    e = torch.linalg.svdvals(scatter.double()).square().numpy()
+    e = torch.linalg.svdvals(scatter.double()).square().cpu().numpy()
 
     def slope(log_psi: float) -> float:
         psi = 10**log_psi
         return float((d + 2 + count) * (e / (psi + e)).sum() - count * d)
 
-    return torch.tensor(10 ** brentq(slope, -12, 12), dtype=scatter.dtype)
+    return scatter.new_tensor(10 ** brentq(slope, -12, 12))

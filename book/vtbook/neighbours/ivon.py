@@ -35,7 +35,7 @@ class IVONSettings(TDSettings):
 
     def agent(self, q: QFunction, sources: Tensor, obs_dim: int, rng: Rng) -> IVON:
         """An agent that transfers from sources (R, S, d)."""
-        return IVON(q, sources, obs_dim, self, rng)
+        return IVON(q, sources.cpu(), obs_dim, self, rng)
 
 
 class IVON(Learner):

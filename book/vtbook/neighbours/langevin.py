@@ -35,7 +35,7 @@ class LangevinSettings(TDSettings):
 
     def agent(self, q: QFunction, sources: Tensor, obs_dim: int, rng: Rng) -> Langevin:
         """An agent that transfers from sources (R, S, d)."""
-        return Langevin(q, sources, obs_dim, self, rng)
+        return Langevin(q, sources.cpu(), obs_dim, self, rng)
 
 
 class Langevin(Learner):

@@ -33,7 +33,7 @@ class RegressionSettings(TDSettings):
 
     def agent(self, q: MLP | RBFLinear, sources: Tensor, obs_dim: int, rng: Rng) -> Regression:
         """An agent that transfers from sources (R, S, d)."""
-        return Regression(q, sources, obs_dim, self, rng)
+        return Regression(q, sources.cpu(), obs_dim, self, rng)
 
 
 class Regression(Learner):

@@ -28,7 +28,7 @@ class RepeatedTuning:
 
     def agent(self, q: QFunction, sources: Tensor, obs_dim: int, rng: Rng) -> RepeatedTD:
         """A learner that transfers from sources (R, S, d)."""
-        w = self.tuning.first_weights(sources)
+        w = self.tuning.first_weights(sources.cpu())
         return RepeatedTD(self.updates, q, w, obs_dim, self.tuning.learner, rng)
 
 

@@ -29,7 +29,8 @@ class UnstartedSettings(Settings):
         rng.check_rows(len(sources))
         first = rng.stream("first weights").normal(self.components * q.d)
         first = self.scale * first.view(-1, self.components, q.d)
-        return VariationalTransfer(q, torch.cat([first, sources], 1), obs_dim, self, rng)
+        given = torch.cat([first.to(sources.device), sources], 1)
+        return VariationalTransfer(q, given, obs_dim, self, rng)
 
     def prior(self, sources: Tensor) -> UnstartedPrior:
         """The prior learned from sources (R, S, d), which come after as many first weights as C."""

@@ -60,9 +60,8 @@ class Rooms(TaskBatch):
             raise ValueError(f"walls must be {allowed}, got {walls.tolist()}")
         if doors.ndim != 2 or doors.shape[1] != len(walls) or doors.dtype != torch.float32:
             allowed, got = f"(R, {len(walls)}), one per wall", tuple(doors.shape)
-            raise ValueError(
-                f"doors must be float32 of shape {allowed}, got {doors.dtype} of {got}"
-            )
+            told = f"doors must be float32 of shape {allowed}"
+            raise ValueError(f"{told}, got {doors.dtype} of {got}")
         low, high = DOOR_RANGE
         # Written so that NaN is refused too.
         wrong = ~((doors >= low) & (doors <= high))
