@@ -229,7 +229,7 @@ MAZE = Compared(
 )
 # The first candidates alone; the others are still to be tuned there, and all to be judged.
 MAZE_TUNING = evolve(
-    MAZE.tuning(), algorithms=dict(itertools.islice(MAZE.tuning().algorithms.items(), 51))
+    MAZE.tuning(), algorithms=dict(itertools.islice(MAZE.tuning().algorithms.items(), 56))
 )
 EXPERIMENTS = (
     *(of for one in ENVIRONMENTS for of in (one.tuning(), one.judged())),
