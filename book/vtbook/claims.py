@@ -231,6 +231,12 @@ class Figure:
                 met[protocol] = min(self.overlap(protocol, x, kind) for x in labels)
         return Claim(text, number, found, seen, met=met, **bounds)
 
+    def ahead(self, text: str, label: str, other: str, end: int, **bounds: Any) -> Claim:
+        """A claim about how much more one algorithm earns than another until an iteration."""
+        of = "of the way to the optimum" if self.floor else "of the optimum"
+        number = f"{label} minus {other}, averaged until {end:,}, {of}"
+        return self.claim(text, number, lambda a, b: a.gain_until(b, end), label, other, **bounds)
+
     def overlap(self, protocol: str, label: str, kind: str) -> float:
         """Share of the recorded iterations at which our 95 % interval meets the published one."""
         ours, theirs = self.runs[protocol][label].stored[kind], getattr(self.printed[label], kind)

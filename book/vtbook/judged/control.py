@@ -69,12 +69,11 @@ def cartpole() -> list[Claim]:
             for x in TRANSFER
         ),
         *(
-            figure.claim(
+            figure.ahead(
                 f"Averaged over the run, {x} is not behind DDQN: no negative transfer.",
-                f"{x} minus DDQN, averaged until {end:,}, of the optimum",
-                lambda a, b: a.gain_until(b, end),
                 x,
                 "DDQN",
+                end,
                 low=0.0,
             )
             for x in TRANSFER
@@ -97,21 +96,19 @@ def mountain_car() -> list[Claim]:
     """Section 6.2.2, Figure 6.10; shares are of the way from never arriving to the optimum."""
     figure, end = Figure(CAR._asdict(), "mountain-car", FLOOR), 39_600
     return [
-        figure.claim(
+        figure.ahead(
             "GVT has no significant advantage over DDQN.",
-            f"GVT minus DDQN, averaged until {end:,}, of the way to the optimum",
-            lambda a, b: a.gain_until(b, end),
             "GVT",
             "DDQN",
+            end,
             high=0.25,
         ),
         *(
-            figure.claim(
+            figure.ahead(
                 f"{x} learns faster than {other}.",
-                f"{x} minus {other}, averaged until {end:,}, of the way to the optimum",
-                lambda a, b: a.gain_until(b, end),
                 x,
                 other,
+                end,
                 low=0.0,
             )
             for x in MIXTURES
@@ -145,12 +142,11 @@ def mountain_car() -> list[Claim]:
             "DDQN",
             low=0.0,
         ),
-        figure.claim(
+        figure.ahead(
             "Nor is there negative transfer by GVT.",
-            f"GVT minus DDQN, averaged until {end:,}, of the way to the optimum",
-            lambda a, b: a.gain_until(b, end),
             "GVT",
             "DDQN",
+            end,
             low=0.0,
         ),
     ]
