@@ -5,7 +5,7 @@ import pytest
 from attrs import evolve
 
 from vtlib.experiments import store, whole
-from vtlib.experiments.reproduce import compare, differing, first_runs, report
+from vtlib.experiments.reproduce import compare, differing, first_runs, report, reproduce
 
 RETURNS = np.random.default_rng(0).normal(0.5, 0.1, 20)
 OTHER = np.random.default_rng(1).permutation(RETURNS)
@@ -69,6 +69,11 @@ def test_a_difference_is_told_among_all_results_of_the_book(compared):
     found = compared(recorded(RETURNS - 0.4, RETURNS - 0.4), draws=200_000)
     assert differing([found, *[evolve(found, p=0.9)] * 400]) == [found]
     assert report([found] * 2)[0] == "tiny: 24 s of one core, 300 MB at most in a process"
+
+
+def test_results_are_not_compared_with_themselves(tiny, tmp_path):
+    with pytest.raises(ValueError, match="others than themselves"):
+        reproduce([tiny], tmp_path, tmp_path / ".." / tmp_path.name)
 
 
 def test_the_same_processor_excuses_nothing(compared):
