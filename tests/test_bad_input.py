@@ -36,7 +36,8 @@ WORD = [None, 3, "", "exact ", "student", ["full"]]
 BY_KIND = [
     ("components minibatch buffer n_samples heads epsilon_steps target_every", COUNT),
     ("every recent updates", COUNT),
-    ("alpha alpha_mu alpha_L kappa bandwidth sigma_p2 sigma_min jitter h0 noise", POSITIVE),
+    ("alpha alpha_mu alpha_L bandwidth sigma_p2 sigma_min jitter h0 noise", POSITIVE),
+    ("kappa", [*POSITIVE, 9e-4]),
     ("clip kl_clip", POSITIVE[1:]),
     ("lambda_ bias prior_scale scale", NEGATIVE),
     ("psi epsilon_start epsilon_end", SHARE),
@@ -95,7 +96,8 @@ SIZES = st.sampled_from([1e-37, 1e-9, 1.0, 1e9, 1e38]) | st.floats(1e-37, 1e38)
 SHARES = st.sampled_from([0, 1, 0.0, 1.0]) | st.floats(0, 1)
 FEW = st.integers(1, 4)
 VALUES = {
-    **dict.fromkeys(("kappa", "alpha_mu", "alpha_L", "sigma_p2", "sigma_min", "alpha"), SIZES),
+    "kappa": SIZES.filter(lambda value: value >= 1e-3),
+    **dict.fromkeys(("alpha_mu", "alpha_L", "sigma_p2", "sigma_min", "alpha"), SIZES),
     **dict.fromkeys(("minibatch", "buffer", "n_samples", "target_every", "epsilon_steps"), FEW),
     **dict.fromkeys(("psi", "epsilon_end"), SHARES),
     "lambda_": st.just(0) | SIZES,

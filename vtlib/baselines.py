@@ -10,11 +10,11 @@ import torch
 from attrs import field, frozen
 from torch import Tensor
 
-from vtlib.checks import between, check_kind, check_weights, kind, one_of, positive, whole
+from vtlib.checks import HUGE, between, check_kind, check_weights, kind, one_of, positive, whole
 from vtlib.qfunctions import QFunction, greedy
 from vtlib.replay import ReplayBuffer, Transition
 from vtlib.rng import Rng
-from vtlib.td import td_gradients
+from vtlib.td import LEAST_KAPPA, td_gradients
 
 
 @frozen
@@ -41,7 +41,7 @@ class MellowTDSettings(LearnerSettings):
     """Parameters of mellow TD (section 5.1.4). Raises ValueError for a value outside its range."""
 
     psi: float = field(default=0.5, validator=between(0, 1))
-    kappa: float = field(default=100.0, validator=positive())
+    kappa: float = field(default=100.0, validator=between(LEAST_KAPPA, HUGE))
 
     def agent(self, q: QFunction, w: Tensor, obs_dim: int, rng: Rng) -> MellowTD:
         """A learner that starts from weights w (R, d)."""

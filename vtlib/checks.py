@@ -13,6 +13,7 @@ from torch import Tensor
 P = ParamSpec("P")
 LARGEST = 10**9  # of whole numbers: nothing beyond is meant, nor fits into memory
 TINY, HUGE = 1e-37, 1e38  # of positive numbers: float32 holds what lies between
+LONGEST_NAME = 200  # bytes: file systems take 255, and endings follow
 SHOWN = 200  # characters of a value
 
 
@@ -68,8 +69,9 @@ def check_kind(name: str, value: object, kind: Any) -> None:
 def check_name(name: str, value: object) -> None:
     """Raise ValueError unless value can name something in texts and be the name of a file."""
     text = value if isinstance(value, str) else ""
-    if not (text.strip(" .") and text.isprintable() and "/" not in text):
-        allowed = "a text on one line, not empty and without '/'"
+    short = len(text.encode(errors="replace")) <= LONGEST_NAME
+    if not (text.strip(" .") and text.isprintable() and "/" not in text and short):
+        allowed = f"a text on one line, not empty, without '/', of {LONGEST_NAME} bytes at most"
         raise ValueError(f"{name} must be {allowed}, got {shown(value)}")
 
 

@@ -43,6 +43,7 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="python -m vtlib", description=__doc__)
     parser.add_argument("--version", action="version", version=f"vtlib {__version__}")
     commands = parser.add_subparsers(required=True, metavar="command")
+    count = _like("[1-9][0-9]*", "a whole number of at least 1", int)
     names = ", ".join([*installed(), *known()])
     run = commands.add_parser("run", help="compute what an experiment still lacks, and store it")
     run.add_argument("experiment", help=f"one of {names}")
@@ -54,13 +55,14 @@ def _parser() -> argparse.ArgumentParser:
     how.add_argument("--whole", action="store_true", help="all runs, whole")
     how.add_argument("--heads", action="store_true", help="the first iterations of all runs")
     told = "draw the runs that this number drew before"
-    how.add_argument("--seed", type=_at_least(0), help=told)
+    seed = _like("[0-9]+", "a whole number of at least 0", int)
+    how.add_argument("--seed", type=seed, help=told)
     told = "note in the results' folder what was computed anew"
     verify.add_argument("--record", action="store_true", help=told)
     again = commands.add_parser("reproduce", help="compute everything anew and compare")
     again.add_argument("--only", action="append", metavar="EXPERIMENT", help="may be repeated")
     told = "only the first so many of each experiment"
-    again.add_argument("--runs", type=_at_least(1), help=told)
+    again.add_argument("--runs", type=count, help=told)
     told = "where to compute it: _build/reproduced, or _build/reproduced-N with --runs N"
     again.add_argument("--fresh", type=Path, help=told)
     for command, work in ((run, _run), (verify, _verify), (again, _reproduce)):
@@ -73,7 +75,7 @@ def _parser() -> argparse.ArgumentParser:
     for command in (run, again):
         where = command.add_mutually_exclusive_group()
         told = "processes; one per core if not given"
-        where.add_argument("--jobs", type=_at_least(1), help=told)
+        where.add_argument("--jobs", type=count, help=told)
         told, address = "of a Dask cluster to use instead", "an address such as tcp://host:8786"
         scheduler = _like("(tcp|tls|inproc)://[^ ]+", address)
         where.add_argument("--scheduler", metavar="ADDRESS", type=scheduler, help=told)
@@ -83,21 +85,11 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _at_least(least: int) -> Callable[[str], int]:
-    def whole(text: str) -> int:
-        if not text.isdecimal() or int(text) < least:
-            told = f"must be a whole number of at least {least}"
-            raise argparse.ArgumentTypeError(f"{told}, got {text!r}")
-        return int(text)
-
-    return whole
-
-
-def _like(pattern: str, told: str) -> Callable[[str], str]:
-    def matching(text: str) -> str:
+def _like(pattern: str, told: str, kind: type = str) -> Callable[[str], Any]:
+    def matching(text: str) -> Any:
         if not re.fullmatch(pattern, text):
             raise argparse.ArgumentTypeError(f"must be {told}, got {text!r}")
-        return text
+        return kind(text)
 
     return matching
 
@@ -123,6 +115,8 @@ def _chosen(names: Iterable[str]) -> list[Experiment]:
 def _verify(options: argparse.Namespace) -> int:
     usual = [*known(), *(() if options.heads else checks())]
     names, root = options.experiment or usual, options.results
+    if options.heads and (whole := [name for name in names if name in checks()]):
+        raise ValueError(f"--heads must not be asked of {', '.join(whole)}, which has none")
     experiments = _chosen(name for name in names if name not in checks())
     store.check_readable(root)
     rng = None if options.whole or options.heads else _drawing(options)

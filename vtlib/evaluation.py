@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import torch
 from torch import Tensor
 
+from vtlib.checks import check_one_of
 from vtlib.envs.base import Tasks
 from vtlib.qfunctions import QFunction
 from vtlib.rng import Rng
@@ -22,6 +23,7 @@ class Evaluation:
     def __init__(
         self, q: QFunction, tasks: Tasks, rng: Rng, episodes: int = 10, over: str = "mean"
     ) -> None:
+        check_one_of("over", over, ("mean", "max", "each"))
         self._q, self._episodes, self._over = q, episodes, over
         self._noise, self._starts = rng.stream("test noise"), rng.stream("test start")
         self._runs = len(tasks)

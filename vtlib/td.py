@@ -9,6 +9,7 @@ from vtlib.checks import check_positive
 from vtlib.qfunctions import QFunction
 from vtlib.replay import Transition
 
+LEAST_KAPPA = 1e-3  # float32 has four digits left of 1 - exp(-kappa)
 CACHED = 1 << 20  # floats that may be in work at a time
 
 

@@ -20,7 +20,7 @@ from vtlib.priors import PRIOR_JITTER, GaussianPrior, MixturePrior
 from vtlib.qfunctions import QFunction, greedy
 from vtlib.replay import ReplayBuffer, Transition
 from vtlib.rng import Rng
-from vtlib.td import td_gradients
+from vtlib.td import LEAST_KAPPA, td_gradients
 
 
 @frozen
@@ -48,7 +48,7 @@ class Settings:
     components: int = field(default=1, validator=whole())
     lambda_: float = field(default=1e-6, validator=between(0, HUGE))
     psi: float = field(default=0.5, validator=between(0, 1))
-    kappa: float = field(default=100.0, validator=positive())
+    kappa: float = field(default=100.0, validator=between(LEAST_KAPPA, HUGE))
     gamma: float = field(default=0.99, validator=between(0, 1, below=True))
     minibatch: int = field(default=50, validator=whole())
     buffer: int = field(default=10_000, validator=whole())

@@ -174,6 +174,11 @@ def test_results_to_compare_with_that_are_not_there_are_named_at_once(capsys, tm
     assert not list(tmp_path.iterdir())
 
 
+def test_heads_of_what_has_none_are_refused(capsys):
+    line = refused(capsys, "verify", "tiny", "guide", "--heads")
+    assert line == "vtlib: --heads must not be asked of guide, which has none"
+
+
 def test_a_folder_that_cannot_take_results_is_named_at_once(capsys, tmp_path, monkeypatch):
     monkeypatch.setattr(schedule, "compute", None)
     command = "run", "tiny", "--results"

@@ -14,7 +14,7 @@ from vtlib.experiments.experiment import Experiment, Pool
 from vtlib.transfer import Settings
 
 NO_WHOLE = [0, -1, 1.0, True, "3", None, 10**10, math.nan]
-NO_NAME = ["", " ", "..", "a/b", "a\nb", "\u2028", 3, None]
+NO_NAME = ["", " ", "..", "a/b", "a\nb", "\u2028", "é" * 101, 3, None]
 NO_KIND = [None, 3, "rooms", object]
 BY_KIND = [
     ("name stream", NO_NAME),
@@ -43,6 +43,7 @@ CASES = [
     (x, f.name, bad) for x in (Pool, Experiment) for f in attrs.fields(x) for bad in BAD[f.name]
 ]
 OTHERS = [(Experiment, "family", RoomsFamily()), (Experiment, "iterations", 10)]
+OTHERS += [(Pool, "iterations", 198)]
 
 
 @pytest.mark.parametrize(("kind", "name", "value"), CASES + OTHERS)

@@ -240,8 +240,11 @@ def test_what_is_loaded_has_the_names_of_its_axes(tiny, computed, tmp_path):
     assert found.learning.sel(run=2, iteration=40) == arrays["learning"][2, 1]
     assert found.optimum.sel(run=1) == store.read(computed / "tiny/tasks")[0]["optimum"][1]
     assert found.attrs["config"]["every"] == 20
-    saved(tiny, "GVT", tmp_path, {"iterations": np.arange(2), "inside": np.zeros((3, 2, 5))})
-    assert store.load(tiny, "GVT", tmp_path).inside.dims == ("run", "iteration", "inside_2")
+    alike = {"inside": np.zeros((3, 2, 5)), "fingerprints": np.zeros((3, 2, 4))}
+    saved(tiny, "GVT", tmp_path, {"iterations": np.arange(2), **alike})
+    found = store.load(tiny, "GVT", tmp_path)
+    assert found.inside.dims == ("run", "iteration", "inside_2")
+    assert found.fingerprints.dims == ("run", "fingerprints_1", "fingerprints_2")
     found, arrays = store.load(tiny.pool, "sources", computed), store.weights(tiny.pool, computed)
     assert found.weights.dims == ("source", "weights_1")
     np.testing.assert_array_equal(found.weights.sel(source=2), arrays[2])

@@ -35,6 +35,7 @@ ALGORITHMS = [
     LEARNER,
     FineTuning(LEARNER),
     FineTuning(GREEDY, "mean"),
+    Settings(sigma_min=0.01),  # more than the prior has
 ]
 # each with a linear Q and with a network
 PAIRS = [(x, family) for i, x in enumerate(ALGORITHMS) for family in FAMILIES[i % 2 :: 2]]
@@ -57,7 +58,7 @@ def test_a_run_in_cpp_is_the_engines(algorithm, family):
         algorithm = evolve(algorithm, minibatch=60, n_samples=5, alpha_L=1e-4)
     alone, agent, episodes = both(family, algorithm)
     loop = iterate(agent, episodes)
-    for steps in (1, 1, 15, 183):
+    for steps in (0, 1, 1, 15, 183):
         alone.advance(steps)
         for _ in range(steps):
             next(loop)

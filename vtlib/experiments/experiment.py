@@ -14,7 +14,7 @@ from vtlib.checks import check_kind, check_name, check_one_of, check_whole, show
 from vtlib.envs.base import TaskFamily, Tasks
 from vtlib.qfunctions import QFunction
 from vtlib.rng import Rng
-from vtlib.training import Agent
+from vtlib.training import FINGERPRINTS, Agent
 
 ITERATIONS = 10_000
 # The labels under which a pool's solved sources and an experiment's targets are stored.
@@ -55,7 +55,7 @@ class Pool:
     name: str = field(validator=checks.name())
     family: TaskFamily = field(validator=checks.kind(TaskFamily))
     count: int = field(default=50, validator=checks.whole())
-    iterations: int = field(default=20_000, validator=checks.whole())
+    iterations: int = field(default=20_000, validator=checks.whole(FINGERPRINTS[-1]))
     limit: int = field(default=150_000, validator=checks.whole())
     check_every: int = field(default=1_000, validator=checks.whole())
     episodes: int = field(default=200, validator=checks.whole())

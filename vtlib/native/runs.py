@@ -35,8 +35,6 @@ NUMBERS = (
 )
 ROLES = ("posterior", "component", "replay", "noise", "start", "exploration")
 
-_Floats = ctypes.POINTER(ctypes.c_float)
-
 
 class _Settings(ctypes.Structure):
     """As ``Settings`` in algorithm.h."""
@@ -51,7 +49,7 @@ class _Settings(ctypes.Structure):
 class _Random(ctypes.Structure):
     """As ``Random`` in algorithm.h, in the order of ROLES."""
 
-    _fields_ = [(role, _Floats) for role in ROLES]
+    _fields_ = [(role, ctypes.c_void_p) for role in ROLES]
 
 
 def supports(family: TaskFamily, algorithm: Any, sources: int) -> bool:
@@ -132,7 +130,7 @@ class NativeRun:
         if self.mu.shape[0] > 1:
             self._numbers("component", 1)  # the engine draws one before its first step
         start = self._numbers("start", 1)
-        self._call["begin"](self._at, _pointer(factors), _pointer(noise), _pointer(start))
+        self._call["begin"](self._at, factors.ctypes, noise.ctypes, start.ctypes)
 
     def _find_arrays(self, at: int) -> None:
         """Find the kernel's arrays in the memory of the run."""
@@ -183,7 +181,7 @@ class NativeRun:
             self._sources[0], to.sources = given.mean(0).numpy(), 1
         else:
             self._sources[: len(given)] = given.numpy()
-        return np.ascontiguousarray(start_factors(start).numpy())
+        return np.ascontiguousarray(start_factors(start, s.sigma_min).numpy())
 
     def _numbers(self, role: str, iterations: int) -> np.ndarray:
         s, tasks, rng = self._algorithm, self._tasks, self._rng[role]
@@ -205,7 +203,7 @@ class NativeRun:
         for done in range(0, iterations, AHEAD):
             count = min(AHEAD, iterations - done)
             numbers = [self._numbers(role, count) for role in ROLES]
-            random = _Random(*map(_pointer, numbers))
+            random = _Random(*(array.ctypes.data for array in numbers))
             self._call["iterate"](self._at, count, ctypes.byref(random))
 
     @property
@@ -248,7 +246,3 @@ def train_natively(
             if progress is not None and not progress(t):
                 break
     return curves_of(len(runs), kept, learning, greedy, prints)
-
-
-def _pointer(array: np.ndarray) -> Any:
-    return array.ctypes.data_as(_Floats)

@@ -17,8 +17,7 @@ class Dense(FactorPosterior):
     """
 
     def _start(self, start: Start) -> None:
-        self._L = start_factors(start)
-        self._L.diagonal(dim1=1, dim2=2).clamp_(min=self._sigma_min)
+        self._L = start_factors(start, self._sigma_min)
 
     def _factors(self) -> Tensor:
         return self._L
@@ -40,11 +39,17 @@ class Dense(FactorPosterior):
         diagonal.clamp_(min=self._sigma_min)
 
 
-def start_factors(start: Start) -> Tensor:
-    """Cholesky factors (M, d, d) of the covariance of a start, for all components of all runs."""
+def start_factors(start: Start, sigma_min: float) -> Tensor:
+    """Cholesky factors (M, d, d) of the covariance of a start, for all components of all runs.
+
+    What lies below sigma_min on their diagonals is lifted to it, as after each step.
+    """
     runs, components, d = start.mu.shape
     if start.spread is None:
         own: Tensor = torch.eye(d, device=start.mu.device) * start.variance**0.5
-        return own.repeat(runs * components, 1, 1)
-    factors = covariance_factor(start.spread, start.variance)
-    return factors if components == 1 else factors.repeat_interleave(components, 0)
+        factors = own.repeat(runs * components, 1, 1)
+    else:
+        factors = covariance_factor(start.spread, start.variance)
+        factors = factors if components == 1 else factors.repeat_interleave(components, 0)
+    factors.diagonal(dim1=1, dim2=2).clamp_(min=sigma_min)
+    return factors

@@ -40,8 +40,8 @@ class NativePosterior(FactorPosterior):
         for run in range(runs if start.spread is not None else 1):
             spread = None if start.spread is None else start.spread[run : run + 1]
             own = of_run(start.variance, run)
-            factor = start_factors(Start(start.mu[run : run + 1, :1], own, spread))[0]
-            factor.diagonal().clamp_(min=self._sigma_min)
+            one = Start(start.mu[run : run + 1, :1], own, spread)
+            factor = start_factors(one, self._sigma_min)[0]
             alike = self._memory[run * components :]
             self._function("pack")(d, at(factor), at(alike))
             alike[1 : components if start.spread is not None else None] = alike[0]

@@ -8,11 +8,11 @@ from typing import Any, ClassVar
 from attrs import field, frozen
 from torch import Tensor
 
-from vtlib.checks import between, check_kind, check_weights, positive, whole
+from vtlib.checks import HUGE, between, check_kind, check_weights, whole
 from vtlib.qfunctions import QFunction, greedy
 from vtlib.replay import ReplayBuffer, Transition
 from vtlib.rng import Rng
-from vtlib.td import td_gradients
+from vtlib.td import LEAST_KAPPA, td_gradients
 
 
 @frozen(kw_only=True)
@@ -25,7 +25,7 @@ class TDSettings:
     transfers: ClassVar[bool] = True
 
     psi: float = field(default=0.5, validator=between(0, 1))
-    kappa: float = field(default=100.0, validator=positive())
+    kappa: float = field(default=100.0, validator=between(LEAST_KAPPA, HUGE))
     gamma: float = field(default=0.99, validator=between(0, 1, below=True))
     minibatch: int = field(default=50, validator=whole())
     buffer: int = field(default=50_000, validator=whole())
