@@ -2,7 +2,7 @@
 
 jupyter-cache recognises a page by its code cells alone. Here the cache lives in a folder named by
 a hash of everything else a page reads: the libraries, the pinned versions, the stored
-runs and the panel that pages hold a copy of.
+runs, the published curves and the panel that pages hold a copy of.
 """
 
 from __future__ import annotations
@@ -23,8 +23,10 @@ def dependencies(root: Path) -> Iterator[Path]:
     results = Path(os.environ.get("VTLIB_RESULTS", root / "book" / "results"))
     static = root / "book" / "_static"
     panels = (path for name in ("trainer", "race") for path in static.glob(f"{name}*"))
-    code = (path for name in ("vtlib", "book/vtbook") for path in (root / name).rglob("*"))
-    for path in sorted([*code, *results.rglob("*"), *panels]):
+    # the guide's results are always the book's
+    names = "vtlib", "book/vtbook", "book/published", "book/results/guide"
+    code = (path for name in names for path in (root / name).rglob("*"))
+    for path in sorted({*code, *results.rglob("*"), *panels}):
         if path.is_file() and not IGNORED.intersection(path.parts):
             yield path
 

@@ -35,6 +35,7 @@
    Where they stand can be linked: #lambda=2&psi=1, by the first words of those names. */
 (function () {
   const linked = new URLSearchParams(location.hash.includes("=") ? location.hash.slice(1) : "");
+  addEventListener("hashchange", () => location.hash.includes("=") && location.reload());
   const known = new WeakSet();
   const link = (slider, name) => {
     const track = slider.querySelector(".noUi-target").noUiSlider;

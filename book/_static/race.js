@@ -93,6 +93,8 @@
       this.playing = false;
       this.button.addEventListener("click", () => (this.playing ? this.pause() : this.play()));
       this.range.addEventListener("input", () => this.pause());
+      root.addEventListener("pointerdown", () => this.seen?.disconnect());
+      root.addEventListener("keydown", () => this.seen?.disconnect());
       new MutationObserver(() => this.show()).observe(document.documentElement, {
         attributeFilter: ["data-theme"], // walls take the colour of the page's ink
       });
@@ -103,12 +105,12 @@
     /* Once, and not for those who want no motion. */
     playWhenSeen(root) {
       if (matchMedia("(prefers-reduced-motion: reduce)").matches) return;
-      const seen = new IntersectionObserver((entries) => {
+      this.seen = new IntersectionObserver((entries) => {
         if (!entries.some((one) => one.isIntersecting)) return;
-        seen.disconnect();
+        this.seen.disconnect();
         this.play();
       }, { threshold: 0.6 });
-      seen.observe(root);
+      this.seen.observe(root);
     }
 
     play() {

@@ -94,6 +94,7 @@
       draw(one, "rect", { x: -0.5, y: -0.2, width: 1, height: 0.4, rx: 0.2, class: "grip" });
       draw(one, "path", { d: "M-.2 -.1 L-.32 0 L-.2 .1 M.2 -.1 L.32 0 L.2 .1", class: "arrows" });
       one.addEventListener("keydown", (event) => {
+        if (event.altKey || event.ctrlKey || event.metaKey) return; // the browser's own
         const to = moved(this.doors[i], event.key);
         if (to !== undefined) event.preventDefault();
         this.move(i, to ?? this.doors[i], true);
@@ -174,10 +175,11 @@
       this.root = root;
       this.setup = JSON.parse(root.querySelector("script[type='application/json']").textContent);
       const { doors, start, worker } = this.setup, [wasm, pool] = [this.setup.wasm, this.setup.pool].map(bytesOf);
-      if (typeof WebAssembly !== "object" || !WebAssembly.validate(wasm)) {
+      const maps = typeof OffscreenCanvas === "function" && CSS.supports("color", colour(0.5));
+      if (!maps || typeof WebAssembly !== "object" || !WebAssembly.validate(wasm)) {
         root.querySelectorAll("button, input, select").forEach((control) => { control.disabled = true; });
-        this.say("This browser lacks WebAssembly with vector instructions (SIMD), which the training needs. "
-          + "Chrome 91, Firefox 89, Safari 16.4 and later have it.");
+        this.say("This browser lacks what the training needs: WebAssembly with vector instructions (SIMD), and "
+          + "off-screen canvases for its maps. Chrome 111, Firefox 113, Safari 16.4 and later have both.");
         return;
       }
       for (const [name, [min, max, step, value]] of Object.entries(RANGES)) {
@@ -193,6 +195,7 @@
       this.worker.onerror = ({ message }) => this.say(`The training stopped: ${message}`);
       this.listen();
       this.setFamily();
+      this.form.power.value = start.power ?? this.form.power.value;
       const { fields, settings, every, iterations, scales } = this.setup;
       this.begin({ wasm, pool, scales, setup: { fields, settings, every, iterations } });
     }
@@ -214,6 +217,7 @@
         this.form.seed.value = (this.choice.seed + 1) % (RANGES.seed[1] + 1);
         this.begin();
       });
+      this.form.seed.addEventListener("change", ({ target }) => { target.value = this.choice.seed; });
       this.find("[name=rate]").addEventListener("change", () => this.running && this.go());
       this.form.addEventListener("submit", (event) => event.preventDefault());
       this.form.addEventListener("input", ({ target }) => {

@@ -42,14 +42,18 @@ def cost(
 ) -> Cost:
     """The cost of an algorithm that transfers from so many of the pool's sources.
 
+    Sources count with all their training, unsolved ones with all that they were allowed; what was
+    played to check them is not counted.
+
     Runs that never solve their task count with all their steps, which understates what a method
     that solves them saves, and says little where both leave many unsolved.
     """
-    end = float(transfer.iteration[-1])
+    pool, end = sources.attrs["config"], float(transfer.iteration[-1])
+    spent = sources.iterations.where(sources.solved, pool["limit"] * pool.get("attempts", 1))
     own, others = (steps_to_solve(x, floor) for x in (transfer, without))
     known, unknown = (np.where(np.isnan(x), end, x) for x in (own, others))
     return Cost(
-        used * float(sources.iterations.mean()),
+        used * float(spent.mean()),
         known,
         unknown,
         mean_interval(unknown - known),

@@ -10,7 +10,6 @@ import torch
 from torch import Tensor
 
 from vtbook.coverage import inside, posterior_samples, values_at
-from vtbook.experiments.protocols import transfer_settings
 from vtlib.envs.base import Tasks
 from vtlib.envs.rooms.plan import plan_rooms
 from vtlib.envs.rooms.tasks import SIDE, Rooms
@@ -34,6 +33,9 @@ class Probe(ABC):
     def __init__(
         self, experiment: Experiment, label: str, runs: Sequence[int], tasks: Tasks
     ) -> None:
+        # the experiments name their probes, so neither can begin by importing the other
+        from vtbook.experiments.protocols import transfer_settings
+
         rng = Rng(experiment.stream, runs)
         self._q, self._settings = experiment.family.q(), transfer_settings(experiment, label)
         self._count, self._places = experiment.probes, rng.stream("probes")

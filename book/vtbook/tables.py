@@ -14,23 +14,27 @@ from vtbook.costs import Cost
 from vtlib.experiments.experiment import Experiment
 from vtlib.stats import Interval
 
-NO_BREAK = "\N{NO-BREAK SPACE}"
 Row = Sequence[str]
 
 
-def html_table(head: Row, rows: Iterable[Row]) -> str:
+def html_table(head: Row, rows: Iterable[Row], caption: str = "") -> str:
     """A plain HTML table of text, which is escaped."""
 
-    def line(cells: Row, tag: str) -> str:
-        return "<tr>" + "".join(f"<{tag}>{escape(c)}</{tag}>" for c in cells) + "</tr>"
+    def line(cells: Row, tag: str, of: str = "") -> str:
+        return "<tr>" + "".join(f"<{tag}{of}>{escape(c)}</{tag}>" for c in cells) + "</tr>"
 
-    body = "".join(line(row, "td") for row in rows)
-    return f"<table><thead>{line(head, 'th')}</thead><tbody>{body}</tbody></table>"
+    above = f"<caption>{escape(caption)}</caption>" if caption else ""
+    heads, body = line(head, "th", " scope='col'"), "".join(line(row, "td") for row in rows)
+    return f"<table>{above}<thead>{heads}</thead><tbody>{body}</tbody></table>"
 
 
 PROTOCOLS = {"published": "As published", "equations": "By the equations"}
 
 
+UNCOUNTED = (
+    "Steps on sources are those of training. What was played to check them, 200 episodes or more "
+    "at each check, is not counted, and can be more than that."
+)
 MET = (
     "<em>Met</em>: the share of iterations at which our interval meets the published one; "
     "the smallest such share where a claim compares several curves."
@@ -54,7 +58,7 @@ def scorecard_table(pages: Mapping[str, tuple[str, Sequence[Claim]]]) -> str:
 
 def _claims(rows: Iterable[str]) -> str:
     heads = ["Claim, and the number that decides", *PROTOCOLS.values(), "Published curve"]
-    head = "".join(f"<th>{x}</th>" for x in heads)
+    head = "".join(f"<th scope='col'>{x}</th>" for x in heads)
     body = f"<thead><tr>{head}</tr></thead><tbody>{''.join(rows)}</tbody>"
     caption = f"<caption>{MET}</caption>" if "<br>met at" in body else ""
     return f"<table class='claims'>{caption}{body}</table>"
@@ -135,7 +139,7 @@ def cost_of_sources_table(costs: Mapping[str, Cost]) -> str:
         ]
         for label, one in costs.items()
     ]
-    return html_table(head, rows)
+    return html_table(head, rows, UNCOUNTED)
 
 
 def _paid(cost: Cost) -> str:

@@ -66,15 +66,18 @@ def train_here(
     """HTML of the panel: sources of the experiment's pool, a task with doors (W,) to move.
 
     references: curves to draw below the reader's, each a label, a colour, iterations and values.
-    start: where controls stand at first, by their names, such as family="GVT" or sources=2.
+    start: where the family and the numbers stand at first, such as family="GVT" or sources=2.
+    The learner without transfer is the experiment's own.
     """
+    nothing = experiment.algorithms.get("NT", NT)
+    assert isinstance(nothing, MellowTDSettings)
     sources = weights(experiment.pool)
     scales = np.abs(sources).max(1) / 127
     pool = np.round(sources / scales[:, None]).astype(np.int8)
     code = PAGE.read_bytes()
     setup = {
         "fields": {"integers": INTEGERS.split(), "numbers": NUMBERS.split()},
-        "settings": {name: _told(name, s) for name, s in ALGORITHMS.items()},
+        "settings": {name: _told(name, s) for name, s in (ALGORITHMS | {"NT": nothing}).items()},
         "scales": [float(f"{x:.6g}") for x in scales],
         "doors": list(doors),
         "references": list(references),

@@ -15,7 +15,7 @@ HOSTILE = "<script>alert('&lt;\"')</script> & <b>"
 
 def rows_of(html):
     """Text of every cell, row by row, the head first."""
-    shown = re.sub("<span class='head'>.*?</span>", "", html.replace(tables.NO_BREAK, " "))
+    shown = re.sub("<span class='head'>.*?</span>", "", html)
     rows = re.findall(r"<tr>(.*?)</tr>", shown)
     return [[unescape(x) for x in re.findall(r"<t[hd][^>]*>(.*?)</t[hd]>", row)] for row in rows]
 

@@ -36,7 +36,8 @@ class Heads(Learner):
 
     One head, drawn anew at each first step of an episode, is followed greedily. P_k is a fixed
     function; here it is what two sources that are drawn for the head disagree by,
-    Q(s, a; w_i) - Q(s, a; w_j): of the sources' own size, and zero on average. Every head learns
+    Q(s, a; w_i) - Q(s, a; w_j): of the sources' own size, and zero on average; one head in S draws
+    the same source twice, and has none. Every head learns
     from every transition (a bootstrap's share p = 1), so only starts and priors tell heads apart.
     ``mu`` (R, K, d) are the weights that learn, without the prior functions. Sources: Osband et al.
     (2016), algorithm 1; Osband, Aslanides and Cassirer (2018), equation 8.
