@@ -34,7 +34,7 @@ def cartpole(length: float) -> gym.Env:
     """Gymnasium's cartpole with half a pole of some length, 100 steps."""
     env = gym.make("CartPole-v1", max_episode_steps=100)
     pole: Any = env.unwrapped
-    pole.length = length
+    pole.length, pole.polemass_length = length, pole.masspole * length
     return env
 
 
