@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from attrs import evolve
 
-from vtbook.experiments.compared import BUDGET, ENVIRONMENTS, MAZE, SPACES, candidate
+from vtbook.experiments.compared import BUDGET, ENVIRONMENTS, SPACES, candidate
 from vtbook.experiments.factorial import FACTORIAL, PARTS, ROOMS, effects
 from vtlib.experiments.run import run_batch, targets
 from vtlib.experiments.store import weights
@@ -32,7 +32,7 @@ def test_a_setting_that_is_out_does_diverge(e):
             run_batch(one, name, range(tuning.runs), weights(one.pool))
 
 
-@pytest.mark.parametrize("e", [*ENVIRONMENTS, MAZE], ids=lambda e: e.experiment.name)
+@EACH
 def test_tasks_of_tuning_and_of_judgement_differ(e):
     tuning, judged = e.tuning(), e.judged()
     assert judged.iterations == tuning.iterations == e.iterations

@@ -42,7 +42,7 @@ def _in_parts(experiment: Experiment) -> Experiment:
     return _beside(experiment, algorithms=algorithms)
 
 
-ROOMS, CHANGED, POLES, CARS = (one.judged() for one in ENVIRONMENTS)
+ROOMS, CHANGED, POLES, CARS, _ = (one.judged() for one in ENVIRONMENTS)
 TUNED = (
     _in_parts(ROOMS),
     _beside(CHANGED),
