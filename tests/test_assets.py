@@ -59,7 +59,8 @@ def test_a_book_without_its_scripts_is_built_on_request(extension, monkeypatch, 
 
 
 def test_the_cache_key_follows_what_pages_depend_on(extension, tmp_path):
-    decisive = ["requirements.txt", "vtlib/b.cpp", "book/vtbook/a.py", "book/results/runs.npz"]
+    decisive = ["requirements.txt", "vtlib/b.cpp", "book/vtbook/a.py"]
+    decisive += ["book/results/runs.npz", "book/published/curve.csv"]
     for name in (*decisive, "README.md", "vtlib/__pycache__/a.py"):
         path, keys = tmp_path / name, []
         path.parent.mkdir(parents=True, exist_ok=True)

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from vtbook import trainer
-from vtbook.experiments.rooms import ROOMS_EVALUATION, ROOMS_LIKELIHOOD
+from vtbook.experiments.rooms import ROOMS_EVALUATION, ROOMS_EXPLORATION, ROOMS_LIKELIHOOD
 from vtbook.panels import STATIC, static
 from vtbook.pauses import pauses
 from vtlib.experiments import load, returns
@@ -66,6 +66,12 @@ def test_the_kernel_in_the_repository_is_what_its_source_compiles_to(tmp_path):
 
 def test_a_linter_finds_nothing_in_the_scripts():
     call("oxlint", "oxlint", "--deny-warnings", *STATIC.glob("*.js"), *HERE.glob("*.js"))
+
+
+def test_the_learner_without_transfer_is_the_experiments_own():
+    experiments = ROOMS_EVALUATION, ROOMS_EXPLORATION
+    setups = (json.loads(setup_of(trainer.train_here(e.published, (2.0,)))) for e in experiments)
+    assert [x["settings"]["NT"]["epsilon_steps"] for x in setups] == [14_000, 1_400]
 
 
 def test_the_parts_of_the_scripts(node):
