@@ -97,11 +97,15 @@ def test_a_state_of_the_sliders_can_be_linked(visits, page):
         page.reload()
         handles_of(page)
         assert_shown(page, linked, 2)
+        with page.expect_event("load"):  # another state of the page that is open
+            page.evaluate("location.hash = 'posterior=2'")
+        handles_of(page)
+        usual = [f"lambda = {base.lambda_:.0e},", f"psi = {base.psi:g},"]
+        assert_shown(page, [*usual, f" {POSTERIORS[2]};"], 2)
         for wild in ("psi=x&posterior=2&nothing=1", "the-question"):
             page.goto("about:blank")
             page.goto(f"{url}#{wild}")
             handles_of(page)
-            usual = [f"lambda = {base.lambda_:.0e},", f"psi = {base.psi:g},"]
             assert_shown(page, [*usual, f" {POSTERIORS[2]};" if "=" in wild else " 1-MGVT;"], 2)
 
 

@@ -91,7 +91,7 @@ def test_an_error_of_one_unit_keeps_what_the_others_have_done(tiny, stored, here
 
 
 def test_two_experiments_share_their_pool_and_one_bar(tiny, here, tmp_path, capsys):
-    pool = evolve(tiny.pool, iterations=20, limit=20)
+    pool = evolve(tiny.pool, iterations=199, limit=199)
     one = evolve(tiny, pool=pool, algorithms={"NT": tiny.algorithms["NT"]}, iterations=20)
     schedule.complete([one, evolve(one, name="other")], tmp_path, scheduler=here)
     assert {p.parent.name for p in tmp_path.rglob("*.npz")} == {"tiny-pool", "tiny", "other"}
