@@ -236,7 +236,6 @@ def test_a_key_that_nobody_knows_is_refused(tiny):
 def test_what_is_loaded_has_the_names_of_its_axes(tiny, computed, tmp_path):
     found, arrays = store.returns(tiny, "GVT", computed), store.read(computed / "tiny/GVT")[0]
     assert found.learning.dims == ("run", "iteration")
-    assert found.fingerprints.dims == ("run", "fingerprints_1", "fingerprints_2")
     assert found.learning.sel(run=2, iteration=40) == arrays["learning"][2, 1]
     assert found.optimum.sel(run=1) == store.read(computed / "tiny/tasks")[0]["optimum"][1]
     assert found.attrs["config"]["every"] == 20
