@@ -5,7 +5,7 @@ import pytest
 from vtbook.experiments.cartpole import CARTPOLE
 from vtbook.experiments.rooms import ROOMS_EVALUATION, THREE_ROOMS
 from vtlib import rng, transfer
-from vtlib.experiments import heads, run, sources, store
+from vtlib.experiments import heads, run, schedule, sources, store
 from vtlib.experiments.heads import check_heads, live_check
 from vtlib.native.runs import NativeRun
 
@@ -32,7 +32,17 @@ def test_on_the_same_processor_every_run_counts(monkeypatch):
     asked = with_differing(monkeypatch, {3, 5}, NOTE["machine"]["processor"])
     assert list(check_heads(CART, "DDQN").wrong) == [3, 5]
     assert list(check_heads(CART, "DDQN", members=[3, 19]).wrong) == [3]
-    assert asked == [*range(20), 3, 19]
+    # what differs is looked at again in the batch in which it was stored
+    assert asked == [*range(20), 2, 3, 4, 5, 3, 19, 2, 3]
+
+
+def test_a_run_is_looked_at_in_its_batch_where_another_rounds_otherwise(monkeypatch):
+    def head(experiment, label, runs, weights):
+        return STORED["fingerprints"][runs] * (1 if len(runs) == schedule.BATCH else 1.01)
+
+    monkeypatch.setattr(run, "head", head)
+    monkeypatch.setattr(store, "machine", lambda: NOTE["machine"])
+    assert check_heads(CART, "DDQN", members=[3, 4, 5]) == ([3, 4, 5], {}, {})
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,8 @@ from pathlib import Path
 
 from vtlib.experiments import run, sources, store
 from vtlib.experiments.experiment import TASKS, Experiment, Pool
-from vtlib.experiments.whole import Whole, check_runs, compare_runs, members_of
+from vtlib.experiments.run import by_kernels
+from vtlib.experiments.whole import Whole, check_runs, compare_runs, members_of, units_with
 
 # Learning is chaotic: on a processor of another kind rounding sends one run in a hundred elsewhere
 # within these iterations, but none in the first. A fault sends most of them elsewhere.
@@ -50,12 +51,23 @@ def check_heads(
 
 def _compared(owner: Pool | Experiment, label: str, members: list[int], root: Path | None) -> Whole:
     arrays, note = store.stored(owner, label, root)
-    if isinstance(owner, Pool):
-        computed = sources.head(owner, members)
-    else:
-        computed = run.head(owner, label, members, store.weights(owner.pool, root))
     kept = {key: array for key, array in arrays.items() if key == "fingerprints"}
-    return compare_runs(owner, label, (kept, note), {"fingerprints": computed}, members)
+
+    def compared(some: Sequence[int]) -> Whole:
+        if isinstance(owner, Pool):
+            computed = sources.head(owner, some)
+        else:
+            computed = run.head(owner, label, some, store.weights(owner.pool, root))
+        return compare_runs(owner, label, (kept, note), {"fingerprints": computed}, some)
+
+    found = compared(members)
+    if found.wrong and isinstance(owner, Experiment) and not by_kernels(owner, label):
+        # torch rounds alike only in the batch in which a run was stored
+        for unit in units_with(owner, label, list(found.wrong)):
+            for member in found.wrong.keys() & compared(unit.members).alike:
+                found.alike.append(member)
+                del found.wrong[member]
+    return found._replace(alike=sorted(found.alike))
 
 
 def live_check(experiment: Experiment, label: str, run: int, root: Path | None = None) -> str:

@@ -135,14 +135,15 @@ def _computed(
     owner: Pool | Experiment, label: str, members: list[int], given: np.ndarray | None
 ) -> store.Arrays:
     """The arrays of members, computed as for the store: alone by the kernels, else in batches."""
-    units = _units(owner, label, members)
+    units = units_with(owner, label, members)
     arrays = joined([compute(unit, given)[0] for unit in units])
     rows = np.flatnonzero(np.isin([member for unit in units for member in unit.members], members))
     shared = shared_by_all(arrays)
     return {key: array if key in shared else array[rows] for key, array in arrays.items()}
 
 
-def _units(owner: Pool | Experiment, label: str, members: Sequence[int]) -> list[Unit]:
+def units_with(owner: Pool | Experiment, label: str, members: Sequence[int]) -> list[Unit]:
+    """The units that members of a result are stored from: alone by the kernels, else batches."""
     if isinstance(owner, Experiment) and by_kernels(owner, label):
         return [Unit(owner, label, members)]
     chosen = set(members)
@@ -151,7 +152,7 @@ def _units(owner: Pool | Experiment, label: str, members: Sequence[int]) -> list
 
 def expected_seconds(owner: Pool | Experiment, label: str, member: int) -> float:
     """What a member of a result takes to compute anew, by the clock of those that are stored."""
-    return sum(unit.expected_seconds for unit in _units(owner, label, [member]))
+    return sum(unit.expected_seconds for unit in units_with(owner, label, [member]))
 
 
 def compare_runs(
