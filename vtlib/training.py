@@ -1,5 +1,6 @@
 """The loop that all experiments share: act, step, learn, and record the returns along the way."""
 
+import contextlib
 import itertools
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -40,6 +41,17 @@ class Curves:
     learning: np.ndarray
     greedy: np.ndarray
     fingerprints: np.ndarray
+
+
+@contextlib.contextmanager
+def one_thread() -> Iterator[None]:
+    """What is stored is computed so, and compared so: torch rounds otherwise with more threads."""
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(before)
 
 
 def iterate(agent: Agent, episodes: Episodes | GymEpisodes) -> Iterator[int]:

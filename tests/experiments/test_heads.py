@@ -1,6 +1,8 @@
 """Recomputed heads against stored ones, here and elsewhere."""
 
+import numpy as np
 import pytest
+import torch
 
 from vtbook.experiments.cartpole import CARTPOLE
 from vtbook.experiments.rooms import ROOMS_EVALUATION, THREE_ROOMS
@@ -13,14 +15,19 @@ CART, ROOMS = CARTPOLE.published, ROOMS_EVALUATION.published
 STORED, NOTE = store.stored(CART, "DDQN")
 
 
-def with_differing(monkeypatch, differ, processor="of another kind", start=1):
-    """Let some heads differ from the fingerprint ``start`` on; which runs were computed."""
-    asked = []
+def with_differing(monkeypatch, differ, processor="of another kind", start=1, sensitive=()):
+    """Let some heads differ from the fingerprint ``start`` on; which runs were computed.
+
+    sensitive: those that go elsewhere once their sources are not exactly what is stored.
+    """
+    asked, given = [], store.weights(CART.pool)
 
     def head(experiment, label, runs, weights):
         asked.extend(runs)
         prints = STORED["fingerprints"][runs]
         prints[[one in differ for one in runs], start:] *= 1.01
+        if not np.array_equal(weights, given):
+            prints[[one in sensitive for one in runs], start:] *= 1.01
         return prints
 
     monkeypatch.setattr(run, "head", head)
@@ -63,9 +70,29 @@ def test_on_another_processor_a_few_among_many_are_rounding(
     asked = with_differing(monkeypatch, differ)
     found = check_heads(CART, "DDQN", members=members)
     assert (list(found.wrong), found.parted) == (wrong, dict.fromkeys(parted, 48))
-    assert len(asked) == len(set(asked))
     differ = differ & set(range(20) if members is None else members)
-    assert len(asked) == (20 if members is None else 10 if differ else len(members))
+    assert len(set(asked)) == (20 if members is None else 10 if differ else len(members))
+
+
+@pytest.mark.parametrize(("sensitive", "wrong"), [(13, 0), (7, 0), (0, 13)])
+def test_runs_that_any_rounding_sends_elsewhere_do_not_count(monkeypatch, sensitive, wrong):
+    with_differing(monkeypatch, set(range(13)), sensitive=set(range(sensitive)))
+    found = check_heads(CART, "DDQN")
+    assert (list(found.wrong), len(found.parted)) == (list(range(wrong)), 13 - wrong)
+
+
+def test_what_is_compared_is_computed_with_one_thread(monkeypatch):
+    monkeypatch.setattr(run, "run_batch", lambda *_: {"fingerprints": torch.get_num_threads()})
+    unit = next(one for one in schedule.units_of(CART) if one.label == "DDQN")
+    before = torch.get_num_threads()
+    torch.set_num_threads(2)
+    try:
+        assert run.head(CART, "DDQN", [3], store.weights(CART.pool)) == 1
+        monkeypatch.setattr(run, "run_batch", lambda *_: {"threads": torch.get_num_threads()})
+        assert schedule.compute(unit, np.zeros(0))[0] == {"threads": 1}
+        assert torch.get_num_threads() == 2
+    finally:
+        torch.set_num_threads(before)
 
 
 def test_where_more_are_parted_the_whole_runs_tell(monkeypatch):

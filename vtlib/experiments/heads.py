@@ -3,15 +3,26 @@
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+import numpy as np
+
 from vtlib.experiments import run, sources, store
 from vtlib.experiments.experiment import TASKS, Experiment, Pool
 from vtlib.experiments.run import by_kernels
-from vtlib.experiments.whole import Whole, check_runs, compare_runs, members_of, units_with
+from vtlib.experiments.whole import (
+    ABSOLUTE,
+    RELATIVE,
+    Whole,
+    check_runs,
+    compare_runs,
+    members_of,
+    units_with,
+)
 
 # Learning is chaotic: on a processor of another kind rounding sends one run in a hundred elsewhere
 # within these iterations, but none in the first. A fault sends most of them elsewhere.
 LOOKED_AT = 10
 PARTED = 0.3
+ROUNDED = 1 + 2**-20  # sources times this lead elsewhere where any rounding does
 
 
 def verify_heads(
@@ -30,8 +41,8 @@ def check_heads(
 ) -> Whole:
     """As ``whole.check_runs``, but of the first iterations; tasks have none and are compared whole.
 
-    Rounding parts a few among many. Where more differ whole runs have to earn what the stored ones
-    do; where most of them differ, they are wrong.
+    Rounding parts a few among many, and runs that it parts here, too. Where more differ whole runs
+    have to earn what the stored ones do; where most of them differ, they are wrong.
     """
     if label == TASKS:
         return check_runs(owner, label, members, root)
@@ -41,7 +52,9 @@ def check_heads(
         return found
     others = [m for m in members_of(owner) if m not in chosen][: max(0, LOOKED_AT - len(chosen))]
     beside = _compared(owner, label, others, root) if others else Whole([], {}, {})
-    differing = [*found.wrong, *found.parted, *beside.wrong, *beside.parted]
+    differing = {*found.wrong, *found.parted, *beside.wrong, *beside.parted}
+    if len(differing) > PARTED * len(chosen + others):
+        differing -= _sensitive(owner, label, [*found.parted, *beside.parted], root)
     share = len(differing) / len(chosen + others)
     if share <= 2 * PARTED:
         return found if share <= PARTED else check_runs(owner, label, members, root)
@@ -68,6 +81,18 @@ def _compared(owner: Pool | Experiment, label: str, members: list[int], root: Pa
                 found.alike.append(member)
                 del found.wrong[member]
     return found._replace(alike=sorted(found.alike))
+
+
+def _sensitive(
+    owner: Pool | Experiment, label: str, members: list[int], root: Path | None
+) -> set[int]:
+    """Runs that go elsewhere on this processor, too, if their sources change by a rounding."""
+    if isinstance(owner, Pool):
+        return set()
+    given = store.weights(owner.pool, root)
+    here, beside = (run.head(owner, label, members, given * by) for by in (1, ROUNDED))
+    alike = np.isclose(here, beside, RELATIVE, ABSOLUTE).all((1, 2))
+    return {member for member, same in zip(members, alike, strict=True) if not same}
 
 
 def live_check(experiment: Experiment, label: str, run: int, root: Path | None = None) -> str:

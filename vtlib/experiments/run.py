@@ -14,7 +14,7 @@ from vtlib.experiments.experiment import Experiment
 from vtlib.experiments.sources import check_pool_weights
 from vtlib.native.runs import NativeRun, supports, train_natively
 from vtlib.rng import Rng, generator
-from vtlib.training import FINGERPRINTS, Agent, train
+from vtlib.training import FINGERPRINTS, Agent, one_thread, train
 
 EVALUATION_EPISODES = 10
 
@@ -149,6 +149,7 @@ def by_kernels(experiment: Experiment, label: str) -> bool:
     return supports(*known)
 
 
+@one_thread()
 def head(
     experiment: Experiment, label: str, runs: Sequence[int], weights: np.ndarray
 ) -> np.ndarray:

@@ -20,7 +20,6 @@ from itertools import groupby
 from pathlib import Path
 
 import numpy as np
-import torch
 from attrs import frozen
 from distributed import Client, Future, LocalCluster, as_completed, get_worker
 from tqdm import tqdm
@@ -29,6 +28,7 @@ from vtlib import __version__
 from vtlib.experiments import run, sources, store
 from vtlib.experiments.experiment import SOURCES, TASKS, Experiment, Pool
 from vtlib.interrupts import for_this_process_alone, scratch
+from vtlib.training import one_thread
 
 BATCH = 10  # runs that advance together; fixed, so that results never depend on the workers
 SOURCE_BATCH = 25  # at most: a small pool is cut in two, for two cores
@@ -80,6 +80,7 @@ def units_of(owner: Pool | Experiment) -> list[Unit]:
     return [Unit(owner, label, part) for label in labels for part in parts] + whole
 
 
+@one_thread()
 def compute(
     unit: Unit,
     weights: np.ndarray | None = None,
@@ -261,7 +262,6 @@ def _compute_all(
 def _in_worker(
     unit: Unit, weights: np.ndarray | None, topic: str, device: str
 ) -> tuple[store.Arrays, store.Note]:
-    torch.set_num_threads(1)
     tell = get_worker().log_event
     return compute(unit, weights, lambda share: tell(topic, (str(unit.part), share)), device)
 

@@ -13,7 +13,7 @@ from vtlib.envs.episodes import Episodes
 from vtlib.evaluation import Evaluation
 from vtlib.experiments.experiment import Pool
 from vtlib.rng import Rng, Stream
-from vtlib.training import FINGERPRINTS, Agent, check_finite, fingerprint, iterate
+from vtlib.training import FINGERPRINTS, Agent, check_finite, fingerprint, iterate, one_thread
 
 FRESH = 400  # episodes by which solved sources are judged in the end
 
@@ -166,6 +166,7 @@ def _attempt(
     }
 
 
+@one_thread()
 def head(pool: Pool, sources: Sequence[int]) -> np.ndarray:
     """Fingerprints (S, 3, 4) of the first iterations of some sources, computed anew."""
     training = SourceTraining(pool, sources)

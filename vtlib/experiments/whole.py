@@ -261,6 +261,7 @@ def _parted(
     learning, greedy = by_key.get("learning"), by_key.get("greedy")
     if learning is None:  # nothing follows from an evaluation, nor from where the last steps led
         late = by_key.keys() == {"visited"} and first > owner.iterations - 2 * owner.every
-        return first - 1 if late or (greedy and greedy.places <= TIES) else None
+        silent = prints and not stored["learning"][member].any()  # without reward it shows nothing
+        return first - 1 if late or silent or (greedy and greedy.places <= TIES) else None
     last = first > owner.iterations - owner.every
     return first - 1 if last or learning.places > 1 else None
