@@ -18,14 +18,16 @@ Row = Sequence[str]
 
 
 def html_table(head: Row, rows: Iterable[Row], caption: str = "") -> str:
-    """A plain HTML table of text, which is escaped."""
-
-    def line(cells: Row, tag: str, of: str = "") -> str:
-        return "<tr>" + "".join(f"<{tag}{of}>{escape(c)}</{tag}>" for c in cells) + "</tr>"
-
+    """A plain HTML table of text, which is escaped; the first cell of each row names it."""
     above = f"<caption>{escape(caption)}</caption>" if caption else ""
-    heads, body = line(head, "th", " scope='col'"), "".join(line(row, "td") for row in rows)
-    return f"<table>{above}<thead>{heads}</thead><tbody>{body}</tbody></table>"
+    heads = "".join(f"<th scope='col'>{escape(one)}</th>" for one in head)
+    body = "".join(_row(*row) for row in rows)
+    return f"<table>{above}<thead><tr>{heads}</tr></thead><tbody>{body}</tbody></table>"
+
+
+def _row(name: str, *cells: str) -> str:
+    others = "".join(f"<td>{escape(cell)}</td>" for cell in cells)
+    return f"<tr><th scope='row'>{escape(name)}</th>{others}</tr>"
 
 
 PROTOCOLS = {"published": "As published", "equations": "By the equations"}
@@ -83,7 +85,7 @@ def _claim_row(claim: Claim) -> str:
         printed = _on_phones("Published curve") + escape(_decisive(claim, claim.printed))
     ours = " <em>(a claim of this book's)</em>" if claim.ours else ""
     words = f"{escape(claim.text)}{ours}<br><small>{escape(claim.number)}: {claim.bounds}</small>"
-    return f"<tr><td>{words}</td>{''.join(cells)}<td><small>{printed}</small></td></tr>"
+    return f"<tr><th scope='row'>{words}</th>{''.join(cells)}<td><small>{printed}</small></td></tr>"
 
 
 def _decisive(claim: Claim, number: Interval) -> str:
