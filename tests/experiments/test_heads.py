@@ -7,9 +7,11 @@ import torch
 from vtbook.experiments.cartpole import CARTPOLE
 from vtbook.experiments.rooms import ROOMS_EVALUATION, THREE_ROOMS
 from vtlib import rng, transfer
+from vtlib.envs.rooms import Rooms
 from vtlib.experiments import heads, run, schedule, sources, store
 from vtlib.experiments.heads import check_heads, live_check
 from vtlib.native.runs import NativeRun
+from vtlib.priors import MixturePrior
 
 CART, ROOMS = CARTPOLE.published, ROOMS_EVALUATION.published
 STORED, NOTE = store.stored(CART, "DDQN")
@@ -113,6 +115,13 @@ def test_the_live_check_says_what_was_found(monkeypatch):
 # What stands in for a function, which is given first.
 FAULTS = {
     "sign of the gradient": (transfer, "td_gradients", lambda real, *given: -real(*given)),
+    "psi": (
+        transfer,
+        "td_gradients",
+        lambda real, *given: real(*given[:3], 0.5 * given[3], *given[4:]),
+    ),
+    "weight of the KL": (MixturePrior, "pull", lambda real, *given: 2 * real(*given)),
+    "walls": (Rooms, "_blocked", lambda real, *given: torch.zeros_like(real(*given))),
     "seed": (rng, "generator", lambda real, name, one, role: real(name, one + 1, role)),
     "order in the kernels": (NativeRun, "_numbers", lambda real, *given: real(*given)[::-1].copy()),
     "seed of sources": (sources, "AttemptRng", lambda real, name, *rest: real(name + "x", *rest)),

@@ -6,7 +6,7 @@ from attrs import evolve
 
 from vtbook.experiments.rooms import ROOMS_EVALUATION
 from vtlib import baselines, native
-from vtlib.experiments import sources, store, whole
+from vtlib.experiments import run, sources, store, whole
 from vtlib.experiments.heads import check_heads
 from vtlib.experiments.ledger import FIELDS, NAME, record, recorded
 from vtlib.experiments.whole import Whole, check_runs, verify
@@ -64,6 +64,31 @@ def test_a_forged_number_is_named(stored, checked, name, key):
     assert wrong[1].startswith(key)
     assert " is " in wrong[1]
     assert list(of_heads) == ([1] if label == "tasks" or key == "fingerprints" else [])
+
+
+@pytest.mark.parametrize(("key", "shape"), [("visited", (220, 4)), ("inside", (11, 5, 3))])
+def test_a_forged_visit_or_probe_is_named(tiny, stored, anew, key, shape):
+    arrays, note = store.read(stored / "tiny/GVT")
+    more = np.random.default_rng(0).random((3, *shape), np.float32)
+    forged = more.copy()
+    forged[1].flat[-1] += 0.1
+    there, now = {**arrays, key: forged}, {**anew["GVT"], key: more}
+    found = whole.compare_runs(tiny, "GVT", (there, note), now, EVERY)
+    assert list(found.wrong) == [1]
+    assert found.wrong[1].startswith(key)
+
+
+def test_another_evaluation_is_named(tiny, stored, monkeypatch):
+    monkeypatch.setattr(run, "EVALUATION_EPISODES", 11)
+    for label in ("GVT", "DDQN"):
+        assert check_runs(tiny, label, [0], stored).wrong[0].startswith("greedy")
+
+
+def test_results_in_place_of_others_and_runs_left_out_are_named(stored, checked):
+    others = store.read(stored / "tiny/DDQN")[0]
+    assert [list(found) for found in checked("GVT", **others)] == [EVERY, EVERY]
+    fewer = {key: x if key == "iterations" else x[[0, 2]] for key, x in others.items()}
+    assert [list(found) for found in checked("DDQN", **fewer)] == [EVERY, EVERY]
 
 
 @pytest.mark.parametrize(
