@@ -119,6 +119,8 @@ def _verify(options: argparse.Namespace) -> int:
         raise ValueError(f"--heads must not be asked of {', '.join(whole)}, which has none")
     experiments = _chosen(name for name in names if name not in checks())
     store.check_readable(root)
+    if options.record:
+        store.check_writable(root)
     rng = None if options.whole or options.heads else _drawing(options)
     computed, bad = verify_heads if options.heads else partial(verify, rng=rng), 0
     for owner, label, found in computed(*experiments, root=root):

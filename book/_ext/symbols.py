@@ -8,14 +8,13 @@ from typing import Any
 
 from docutils import nodes
 
-PLACE = re.compile(r"(\(\d\.\d+\)|\b\d(?:\.\d)+\b|\bA\b)")
+PLACE = re.compile(r"(\(\d\.\d+\)|\b\d(?:\.\d)+\b)")
 COLUMN = "introduced"
-APPENDIX = "book/parameters"
 
 
 def places(env: Any) -> dict[str, tuple[str, str]]:
     """Page and anchor of every numbered section and of every equation with a thesis' number."""
-    found = {"A": (APPENDIX, "")}
+    found = {}
     for docname, numbers in env.toc_secnumbers.items():
         for anchor, number in numbers.items():
             found[".".join(map(str, number or ()))] = docname, anchor

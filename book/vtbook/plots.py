@@ -231,10 +231,10 @@ def returns_figure(
 def draw_over_published(
     ax: Axes, stored: Dataset, theirs: PublishedCurve, kind: str, label: str, floor: float = 0.0
 ) -> None:
-    """One algorithm's mean and band over the published in grey, and every run while learning."""
+    """One algorithm's mean and band over the published in grey, and every run."""
     at, values = stored.iteration.values, stored[kind].values
+    ax.plot(at, values.T, color=COLOURS[label], lw=0.4, alpha=0.3)
     if kind == "learning":
-        ax.plot(at, values.T, color=COLOURS[label], lw=0.4, alpha=0.3)
         solved = int(np.isfinite(steps_to_solve(stored, floor)).sum())
         ax.set_title(f"{solved} of {len(values)} solved", loc="right", size=8)
     ax.fill_between(theirs.iterations, theirs.low, theirs.high, color=PUBLISHED, alpha=0.4, lw=0)
@@ -248,7 +248,7 @@ def over_published(
     limits: tuple[float, float],
     floor: float = 0.0,
 ) -> Figure:
-    """Each algorithm's mean and band over the published ones in grey, and every run while learning.
+    """Each algorithm's mean and band over the published ones in grey, and every run.
 
     printed: {kind: {algorithm: curve}}, kinds "learning" and "greedy"; a row of panels for each.
     Beside the runs stands how many have ever earned nine tenths of their optimum above the floor.

@@ -90,6 +90,12 @@ def test_an_episode_is_truncated_drawn_and_then_needs_a_reset(name):
     assert not env.step(1)[3]
 
 
+def test_environments_side_by_side_have_a_seed_each():
+    both = gymnasium.make_vec("vtlib/Rooms-v0", num_envs=2, vectorization_mode="sync")
+    alone = [gymnasium.make("vtlib/Rooms-v0").reset(seed=seed)[0] for seed in (3, 4)]
+    assert np.array_equal(both.reset(seed=[3, 4])[0], alone)
+
+
 def test_the_guides_lines_train_a_learner_of_stable_baselines3():
     """Skipped but in an environment that tests/requirements-sb3.txt tells how to make."""
     pytest.importorskip("stable_baselines3")

@@ -57,7 +57,7 @@ COMMANDS = {
     "verify": ("verify", "tiny", "--whole", "--record"),
 }
 DONE = {"run": "is complete", "reproduce": "none differs", "verify": "verified whole"}
-MOMENTS = int(os.environ.get("VTLIB_MOMENTS", "2"))  # more on demand
+MOMENTS = int(os.environ.get("VTLIB_MOMENTS", "3"))  # more on demand
 
 
 class Command:
@@ -136,7 +136,7 @@ def test_an_interrupt_at_any_moment_ends_in_one_line_and_with_all_processes(
     moments = np.random.default_rng([*command.encode()]).uniform(0.6, 8, MOMENTS)
     if command != "run":  # something has to be stored
         shutil.copytree(complete, tmp_path / "results")
-    for wait, number in zip(moments, cycle([signal.SIGINT, signal.SIGTERM])):
+    for wait, number in zip(moments, cycle([signal.SIGINT, signal.SIGTERM, signal.SIGKILL])):
         it = Command(tmp_path, command)
         time.sleep(wait)
         if it.process.poll() is not None:
@@ -145,6 +145,9 @@ def test_an_interrupt_at_any_moment_ends_in_one_line_and_with_all_processes(
         os.killpg(it.process.pid, number)
         out, err = it.process.communicate(timeout=10)
         it.assert_gone()
+        if number == signal.SIGKILL:  # what it was about to say is lost, nothing that it stored
+            assert it.process.returncode == -number
+            continue
         if not it.process.returncode:  # it was about to leave
             assert it.said in out.splitlines()[-1]
             continue
@@ -156,6 +159,8 @@ def test_an_interrupt_at_any_moment_ends_in_one_line_and_with_all_processes(
     Command(tmp_path, command).ends_well()
     # what is checked is never touched
     assert arrays(tmp_path / "results") == arrays(complete)
+    if command == "reproduce":
+        assert arrays(tmp_path / "fresh") == arrays(complete)
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])

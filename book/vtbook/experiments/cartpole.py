@@ -100,21 +100,31 @@ CARTPOLE_FEW_SOURCES = evolve(
     excluded=tuple(range(20, CARTPOLES.count)),
 )
 
-# The same cartpoles solved otherwise: by another algorithm, or each from weights of its own.
+
+def _trained(**changes: Any) -> Pool:
+    return evolve(CARTPOLES, settings=evolve(MELLOW_TD, minibatch=32, **changes), count=20)
+
+
+# The same cartpoles solved otherwise: by another algorithm, each from weights of its own, or with
+# what the thesis does not say of its sources' training.
 SOURCES_DDQN = evolve(DDQN, epsilon_steps=int(0.35 * CARTPOLES.iterations))
 OTHER_CARTPOLES = {
     "mellow-separate": evolve(CARTPOLES, common=False, count=20),
     "ddqn-common": evolve(CARTPOLES, settings=SOURCES_DDQN, count=20),
     # some of these never balance often enough; they count as they are
     "ddqn-separate": evolve(CARTPOLES, settings=SOURCES_DDQN, common=False, count=20),
+    "longer-exploration": _trained(epsilon_steps=2 * MELLOW_TD.epsilon_steps),
+    "semi-gradient": _trained(psi=0.0),
+    "half-as-long": evolve(_trained(), iterations=CARTPOLES.iterations // 2),
 }
+TRAINED_OTHERWISE = "longer-exploration", "semi-gradient", "half-as-long"
 CARTPOLE_OTHER_SOURCES = {
     key: evolve(
         CARTPOLE.published,
         name=f"cartpole-{key}",
         pool=evolve(pool, name=f"cartpole-sources-{key}", limit=20_000),
         algorithms=_TRANSFER,
-        iterations=2_000,
+        iterations=ITERATIONS if key in TRAINED_OTHERWISE else 2_000,
     )
     for key, pool in OTHER_CARTPOLES.items()
 }

@@ -57,7 +57,7 @@ def _protocols(
         {
             **transfer(PUBLISHED_GVT, PUBLISHED_MGVT, counts),
             "NT": nt,
-            **(fine_tuning(NT) if fine else {}),
+            **(fine_tuning(nt) if fine else {}),
         },
         each=True,
         **{"iterations": ITERATIONS, **fields},
