@@ -11,7 +11,7 @@ from attrs import evolve
 from distributed import KilledWorker
 
 from vtbook.experiments import EXPERIMENTS, THESIS
-from vtlib import cli, experiments
+from vtlib import __version__, cli, experiments
 from vtlib.experiments import installed, run, schedule, store
 from vtlib.experiments.ledger import recorded
 
@@ -64,6 +64,21 @@ def test_verify_names_what_differs(stored, rewrite, capsys):
         r"1 DIFFERS: fingerprints at iteration 1 is [-.\d]+, anew [-.\d]+",
         capsys.readouterr().out.splitlines()[-1],
     )
+
+
+@pytest.mark.parametrize(("asked", "said"), [("--version", __version__), ("verify --help", "tiny")])
+def test_the_version_and_what_there_is_to_verify_are_told(capsys, asked, said):
+    with pytest.raises(SystemExit, match="0"):
+        main(*asked.split())
+    assert said in capsys.readouterr().out
+
+
+def test_a_folder_that_takes_no_notes_is_refused_before_anything_is_computed(
+    stored, capsys, monkeypatch
+):
+    monkeypatch.setattr(store, "ROOM", 1 << 60)
+    assert refused(capsys, "verify", "tiny", "--record", "--results", stored).endswith("MB left")
+    assert not capsys.readouterr().out
 
 
 def test_verify_draws_a_run_of_each_result_and_can_draw_it_again(small, stored, capsys):
