@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from vtbook.experiments import EXPERIMENTS, POOLS
+from vtbook.experiments.mountain_car import CARS, UNSOLVED
 from vtlib.experiments import load
 from vtlib.experiments.heads import check_heads
 from vtlib.experiments.ledger import recorded
@@ -39,6 +40,10 @@ def test_sources_are_solved_or_were_trained_to_the_limit(name):
         assert 0 < solved.mean() < 0.5
     else:
         assert solved.mean() > 0.5
+
+
+def test_what_is_left_out_as_unsolved_is_what_was_not_solved():
+    assert np.flatnonzero(~load(CARS, "sources").solved.values).tolist() == list(UNSOLVED)
 
 
 def test_nothing_stored_is_stray_and_all_of_it_small():

@@ -80,7 +80,7 @@ CAR_UNCHECKED = evolve(
     pool=evolve(CARS, name="mountain-car-sources-unchecked", limit=SOURCE_ITERATIONS),
     algorithms={"GVT": as_published(GVT)},
 )
-# What the sources do that were never solved: the same runs without them.
+# What the sources do that were never solved: the same tasks, with sources drawn among the others.
 UNSOLVED = (0, 3, 4, 10, 43)
 CAR_SOLVED = evolve(
     CAR.published,
