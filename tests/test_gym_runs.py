@@ -65,6 +65,9 @@ def test_the_best_source_comes_first_and_is_kept_where_learning_harms():
     torch.testing.assert_close(earned, torch.full((2,), most))
     kept = ~learned.improved
     torch.testing.assert_close(learned.weights[kept, 0], always(1).expand(int(kept.sum()), -1))
+    # the posterior itself is kept whole
+    assert learned.mu.shape == learned.weights.shape
+    assert not torch.isclose(learned.mu[kept, 0], always(1)).all()
     # two trials of each of two sources, learning, and as many of what was learned
     assert learned.steps.tolist() == [2 * 2 * 5 + 3 + 2 * 5] * 2
 
@@ -136,7 +139,9 @@ def test_a_bar_is_shown_on_request_alone(shown, capsys):
 
 def test_of_a_diagonal_posterior_no_square_factor_is_made():
     settings = attrs.evolve(TRANSFER, covariance="diagonal", init="sources")
-    assert transfer([Corridor()], Q, SOURCES[:2], 2, settings, trials=0).scale_tril is None
+    learned = transfer([Corridor()], Q, SOURCES[:2], 2, settings, trials=0)
+    assert learned.scale_tril.shape == learned.mu.shape
+    assert (learned.scale_tril > 0).all()
 
 
 @pytest.mark.parametrize("settings", [TRANSFER, FineTuning(LEARNER)])
@@ -147,7 +152,7 @@ def test_what_was_learned_is_saved_whole(settings, tmp_path):
     for name, part in attrs.asdict(learned, recurse=False).items():
         other = getattr(again, name)
         assert other is None if part is None else torch.equal(part, other), name
-    assert (learned.scale_tril is None) == (settings is not TRANSFER)
+    assert (learned.scale_tril is None) == (learned.mu is None) == (settings is not TRANSFER)
 
 
 def test_a_file_that_is_not_whole_is_named(tmp_path):

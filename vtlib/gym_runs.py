@@ -38,8 +38,9 @@ class Learned:
     weights (R, C, d): final weights, those of each component's mean for a posterior. iterations
     (T,) and returns (R, T): mean discounted return of the last 50 episodes, NaN before the first
     has ended. steps (R,): of the environment, trials included. improved (R,): whether the weights
-    learned are kept; else they are those of the best source (see ``transfer``). scale_tril
-    (R, C, d, d): the factors L of what was learned, kept or not; None without a full posterior.
+    learned are kept; else they are those of the best source (see ``transfer``). mu (R, C, d) and
+    scale_tril (R, C, d, d): means and factors L of the posterior learned, kept or not, or L's
+    diagonals (R, C, d) where it is diagonal; None without a posterior.
     """
 
     weights: Tensor
@@ -47,13 +48,16 @@ class Learned:
     returns: Tensor
     steps: Tensor
     improved: Tensor
+    mu: Tensor | None = None
     scale_tril: Tensor | None = None
 
     def __attrs_post_init__(self) -> None:
         (runs, components, d), (times,) = self.weights.shape, self.iterations.shape
         found = [tuple(x.shape) for x in (self.returns, self.steps, self.improved)]
-        factors = (runs, components, d, d) if self.scale_tril is None else self.scale_tril.shape
-        if found != [(runs, times), (runs,), (runs,)] or factors != (runs, components, d, d):
+        means, factors = (None if x is None else x.shape for x in (self.mu, self.scale_tril))
+        shape = (runs, components, d)
+        known = (None, None), (shape, shape), (shape, (*shape, d))
+        if found != [(runs, times), (runs,), (runs,)] or (means, factors) not in known:
             raise ValueError(f"arrays must be of {runs} runs and {times} records, got {found}")
 
     def save(self, path: str | Path) -> None:
@@ -259,14 +263,17 @@ def _learn(
             if said is not None and not said:  # NumPy's and torch's False, too
                 break
     check_finite(agent.mu, names, done)
+    mu = agent.mu.detach().cpu().clone()
     factors = None
-    if isinstance(agent, VariationalTransfer) and agent.covariance == "full":
-        factors = agent.scale_tril.detach().cpu()
+    if isinstance(agent, VariationalTransfer):
+        factors = agent.scale_tril if agent.deviations is None else agent.deviations
+        factors = factors.detach().cpu().clone()
     return Learned(
-        weights=agent.mu.detach().cpu().clone(),
+        weights=mu,
         iterations=torch.tensor(times, dtype=torch.int64),
         returns=torch.stack(returns, 1) if returns else torch.empty(runs, 0),
         steps=torch.full((runs,), done),
         improved=torch.ones(runs, dtype=torch.bool),
+        mu=None if factors is None else mu,
         scale_tril=factors,
     )

@@ -15,7 +15,7 @@ from attrs import field, frozen
 from torch import Tensor
 
 from vtlib.checks import HUGE, TINY, between, check_kind, check_weights, one_of, positive, whole
-from vtlib.posteriors import COVARIANCES, Descent
+from vtlib.posteriors import COVARIANCES, Descent, Diagonal
 from vtlib.priors import PRIOR_JITTER, GaussianPrior, MixturePrior
 from vtlib.qfunctions import QFunction, greedy
 from vtlib.replay import ReplayBuffer, Transition
@@ -127,7 +127,6 @@ class VariationalTransfer:
             rng.stream("posterior"),
             s.n_samples + 1,
         )
-        self.covariance = s.covariance
         self._adam = torch.optim.Adam([self._posterior.mu], lr=s.alpha_mu, fused=True)
         self._buffer = ReplayBuffer(len(sources), s.buffer, obs_dim)
         self._steps = 0
@@ -144,6 +143,11 @@ class VariationalTransfer:
     def scale_tril(self) -> Tensor:
         """The posterior's Cholesky factors, (R, C, d, d)."""
         return self._posterior.scale_tril
+
+    @property
+    def deviations(self) -> Tensor | None:
+        """Standard deviations (R, C, d) of a diagonal posterior; None of others."""
+        return self._posterior.deviations if isinstance(self._posterior, Diagonal) else None
 
     def act(self, obs: Tensor, fresh: Tensor) -> Tensor:
         """Greedy actions (R,) of one posterior sample; fresh (R,) marks first steps of episodes."""

@@ -14,7 +14,7 @@ from vtlib.posteriors.native import MOST_SAMPLES
 from vtlib.priors import Precision, Start
 from vtlib.rng import Stream
 
-__all__ = ["COVARIANCES", "Descent", "Posterior"]
+__all__ = ["COVARIANCES", "Descent", "Diagonal", "Posterior"]
 
 MANY = 400  # weights from which on blocks pay; below, the cache holds L [measured]
 
