@@ -32,6 +32,8 @@ def test_claims_are_told_with_what_decides_about_them():
     plain = tables.claims_table([claim, mine])
     head, rooms, first, maze, second = rows_of(card)
     assert rows_of(plain) == [head, first, second]
+    assert plain.count("<th scope='row'>") == 2
+    assert tables.html_table(["", "x"], [["a", "1"]]).count("<th scope='row'>a</th>") == 1
     assert head[1:] == ["As published", "By the equations", "Published curve"]
     assert rooms == ["<a href='rooms.html#the-claims'>Rooms & all</a>"]
     assert maze == ["<a href='maze.html#the-claims'>Maze</a>"]
