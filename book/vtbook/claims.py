@@ -122,6 +122,12 @@ class Runs:
         own = self.stored.optimum.values - self.floor
         return share_interval(greedy.mean(1) - self.floor >= OPTIMAL * own)
 
+    @property
+    def fallen(self) -> int:
+        """How many runs end below 90% of their own optimum."""
+        end, own = self.stored.learning.values[:, -1], self.stored.optimum.values - self.floor
+        return int((end - self.floor < OPTIMAL * own).sum())
+
     def restlessness(self, t: int) -> Interval:
         """How much faster the mean greedy curve moves until an iteration; interval: bootstrap."""
         curves, at = self.stored.greedy.values, self.stored.iteration.values

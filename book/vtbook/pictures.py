@@ -10,7 +10,7 @@ import matplotlib as mpl
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from vtbook.plots import BookFigure, image_html, look, small_png
+from vtbook.plots import BookFigure, figure_html, look
 
 # Okabe and Ito's palette, told apart with any colour vision.
 BLUE, ORANGE, GREEN, GREY, BLACK = "#0072B2", "#D55E00", "#009E73", "#6b6b6b", "#1a1a1a"
@@ -35,7 +35,7 @@ def picture(width: float, height: float) -> Callable[[Draw[P]], Callable[P, str]
             with look(), mpl.rc_context(FINE):
                 figure = BookFigure(figsize=(width, height))
                 text = draw(figure, *args, **kwargs)
-                return image_html(small_png(figure), text)
+                return figure_html(figure, text)
 
         return html
 

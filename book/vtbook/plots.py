@@ -373,5 +373,18 @@ def _palette_png(picture: Image.Image, colours: int) -> bytes:
 
 def image_html(png: bytes, alt: str) -> str:
     """An <img> element that carries its picture and its description."""
-    source = f"data:image/png;base64,{b64encode(png).decode()}"
-    return f'<img alt="{escape(alt)}" style="max-width: 100%" src="{source}">'
+    return f'<img alt="{escape(alt)}" style="max-width: 100%" src="{_data(png)}">'
+
+
+def figure_html(figure: Figure, alt: str, colours: int = 64) -> str:
+    """A figure as a small picture with its description, and of panels one for telephones."""
+    image = image_html(small_png(figure, colours), alt)
+    if not panels_of(figure):
+        return image
+    with narrow(figure):
+        source = _data(small_png(figure, colours))
+    return f'<picture><source media="(max-width: 600px)" srcset="{source}">{image}</picture>'
+
+
+def _data(png: bytes) -> str:
+    return f"data:image/png;base64,{b64encode(png).decode()}"

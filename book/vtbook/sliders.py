@@ -18,7 +18,7 @@ from vtlib.experiments.experiment import Experiment
 from vtlib.stats import Interval
 from vtlib.transfer import Settings
 
-LEARNING, NARROW = {"learning return": "learning"}, 4.4  # inches, to be read on a phone
+LEARNING, NARROW = {"learning return": "learning"}, 4.1  # inches, to be read on a phone
 Setting = tuple[float, float, str]  # lambda, psi and the posterior, such as "3-MGVT"
 
 

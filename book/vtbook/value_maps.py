@@ -12,7 +12,7 @@ from matplotlib.colors import Normalize
 from matplotlib.image import AxesImage
 from torch import Tensor
 
-from vtbook.plots import BookFigure, image_html, look, small_png
+from vtbook.plots import BookFigure, figure_html, look
 from vtbook.walks import walks
 from vtlib.envs.base import Plane, TaskFamily, Tasks
 
@@ -98,4 +98,4 @@ def maps_picture(maps: Mapping[str, ValueMap], iteration: int) -> str:
             for label, one in maps.items()
         )
         alt = f"Values after {iteration} iterations. {words}."
-        return image_html(small_png(figure, 256), alt)
+        return figure_html(figure, alt, 256)

@@ -37,6 +37,19 @@ def uniform_share_at_door() -> float:
     return float(np.pi * NEAR_DOOR**2 / 2 / (SIDE * WALL))
 
 
+def progress(visited: np.ndarray) -> np.ndarray:
+    """Share (R,) of the moves within the upper room that lead nearer to the goal; NaN without any.
+
+    Agents move along the axes, so nearer is by the sum of both distances.
+    """
+    above = visited[..., 1] >= WALL
+    left = np.abs(visited - np.array(GOAL, dtype=visited.dtype)).sum(-1)
+    moves = above[:, :-1] & above[:, 1:] & ~at_goal(visited)[:, :-1]
+    nearer = moves & (left[:, 1:] < left[:, :-1])
+    count = moves.sum(1)
+    return np.where(count > 0, nearer.sum(1) / np.maximum(count, 1), np.nan)
+
+
 def coverage(visited: np.ndarray) -> dict[str, np.ndarray]:
     """How many (R,) of the lower room's 50 unit cells were visited, in two ways, and where.
 

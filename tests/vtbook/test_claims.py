@@ -99,6 +99,13 @@ def test_runs_that_miss_their_own_optimum_by_a_tenth_are_solved_with_wilsons_int
     assert tuple(some.solved(1_000)) == pytest.approx((0.625, 0.305742, 0.863156), rel=1e-5)
 
 
+def test_runs_that_end_below_nine_tenths_of_their_own_optimum_have_fallen():
+    own = np.array([-10.0, -10, -10, -10, -60, -60, -60, -60])
+    some = runs([0] * 3, None, own, 0.0, -110.0)
+    some.stored.learning[:, -1] = [-20, -20.1, -19, -65, -65, -65.1, -64, -60]
+    assert some.fallen == 3
+
+
 def test_restlessness_is_how_much_faster_the_greedy_curve_moves_at_first():
     # of the steps 3 and -1, the first ends by 1,000
     assert near(runs([0] * 3, [0, 3, 2]).restlessness(1_000), 3)

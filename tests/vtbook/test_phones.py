@@ -39,8 +39,9 @@ def test_panels_stand_below_each_other_and_say_what_they_shared():
 
 
 def test_many_panels_stand_in_columns_and_the_figure_is_what_it_was():
+    some = (False, (2, 4), 1), (False, (2, 5), 2), (False, (3, 3), 3), (True, (3, 4), 4)
     with look():
-        for maps, shape, columns in ((False, (2, 4), 2), (False, (3, 3), 3), (True, (3, 4), 4)):
+        for maps, shape, columns in some:
             figure, axes = drawn(*shape)
             for ax in axes.flat:
                 ax.set_aspect("equal" if maps else "auto")

@@ -2,13 +2,15 @@
 
 import itertools
 import re
-from base64 import b64encode
+from base64 import b64decode, b64encode
 from html import unescape
+from io import BytesIO
 
 import numpy as np
 import pytest
 from matplotlib.collections import PolyCollection
 from matplotlib.colors import to_hex, to_rgb
+from PIL import Image
 from xarray import Dataset
 
 from vtbook import plots
@@ -158,3 +160,20 @@ def test_an_image_carries_its_picture_and_its_description_whatever_it_says():
     told, source = re.fullmatch(r'<img alt="([^"<]*)" style="[^"]*" src="([^"]*)">', html).groups()
     assert unescape(told) == alt
     assert source == f"data:image/png;base64,{b64encode(png).decode()}"
+
+
+def test_a_figure_of_panels_has_a_picture_for_telephones_beside_its_own():
+    with plots.look():
+        figure = plots.BookFigure(figsize=(7.6, 3))
+        drawing = plots.BookFigure(figsize=(3, 3), layout="none")
+        figure.subplots(1, 2), drawing.add_axes((0.2, 0.2, 0.7, 0.7))
+        wide, tall = plots.figure_html(figure, "two"), plots.figure_html(drawing, "one")
+    sizes = []
+    for source in re.findall(r"base64,([^\"]*)", wide):
+        sizes.append(Image.open(BytesIO(b64decode(source))).size)
+    narrow, own = sizes  # the browser takes the first that fits
+    assert narrow[0] < own[0]
+    assert narrow[1] > own[1]
+    assert wide.startswith('<picture><source media="(max-width: 600px)"')
+    assert wide.count('alt="two"') == 1
+    assert tall.startswith('<img alt="one"')

@@ -9,7 +9,7 @@ import torch
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from vtbook.visits import arrivals, coverage, share_at_door, uniform_share_at_door
+from vtbook.visits import arrivals, coverage, progress, share_at_door, uniform_share_at_door
 from vtlib.envs.rooms import Rooms
 
 # On a lattice, so that borders of cells, of the lower room and of what is near are hit exactly.
@@ -52,3 +52,12 @@ def test_evenly_spread_visits_lie_at_the_door_as_often_as_its_half_circle_is_lar
     spread = np.stack([x, y], -1).reshape(1, -1, 2)
     for door in (2.0, 8.0):
         assert share_at_door(spread, door) == pytest.approx(uniform_share_at_door(), rel=1e-3)
+
+
+def test_progress_is_the_share_of_moves_beyond_the_wall_that_lead_nearer_to_the_goal():
+    # up, right and away again; the move through the door and that from the goal are none
+    walk = [(5, 4.5), (5, 5.5), (5, 6.5), (6, 6.5), (5, 6.5), (9.5, 9.5), (0, 0)]
+    below = [(x, 1) for x in range(len(walk))]
+    found = progress(np.array([walk, below], dtype=np.float32))
+    assert found[0] == 3 / 4
+    assert np.isnan(found[1])

@@ -5,7 +5,13 @@ from __future__ import annotations
 from attrs import evolve
 
 from vtbook.experiments.grids import sliders_of
-from vtbook.experiments.protocols import Protocols, as_published, fine_tuning
+from vtbook.experiments.protocols import (
+    Protocols,
+    as_published,
+    fine_tuning,
+    mixture_one_at_a_time,
+)
+from vtbook.stopping import StoppingMazeFamily
 from vtlib.baselines import DDQNSettings, MellowTDSettings
 from vtlib.envs.maze import MazeFamily
 from vtlib.experiments.experiment import Experiment, Pool
@@ -92,6 +98,37 @@ MAZE_ANY_SOURCES = evolve(
     algorithms={"GVT": PUBLISHED_GVT, "1-MGVT": PUBLISHED_MGVT},
     excluded=(MAIN,),
 )
+# Of the two protocols only 3-MGVT's differ, and within so many steps. What makes the difference?
+EARLY = 5_000
+THREE = evolve(PUBLISHED_MGVT, components=3)
+MAZE_ONE_AT_A_TIME = evolve(
+    MAZE_TARGETS[MAIN].published,
+    name="maze-one-at-a-time",
+    algorithms=mixture_one_at_a_time(THREE),
+    iterations=EARLY,
+)
+MAZE_ANY_EARLY = evolve(
+    MAZE_ANY_SOURCES,
+    name="maze-any-sources-early",
+    algorithms={"3-MGVT": THREE},
+    iterations=EARLY,
+)
+# What sources do that were never solved; and a border that stops robots, where the text is silent.
+UNSOLVED = (1, 4, 15)
+MAZE_SOLVED = evolve(
+    MAZE_TARGETS[MAIN].published,
+    name="maze-solved-sources",
+    algorithms={"1-MGVT": PUBLISHED_MGVT},
+    excluded=tuple(sorted({*MAZE_TARGETS[MAIN].published.excluded, *UNSOLVED})),
+    iterations=ITERATIONS // 2,
+)
+MAZE_STOPS = evolve(
+    MAZE_TARGETS[MAIN].published,
+    name="maze-border",
+    family=StoppingMazeFamily(MAZE_TARGETS[MAIN].published.family.names),
+    algorithms={"1-MGVT": PUBLISHED_MGVT, "DDQN": DDQN},
+    iterations=ITERATIONS // 2,
+)
 MAZE_SLIDERS = sliders_of(MAZE_TARGETS[MAIN].published, "maze-sliders", runs=5, iterations=5_000)
 
 EXPERIMENTS = (
@@ -99,5 +136,9 @@ EXPERIMENTS = (
     *(MAZE_TARGETS[n].equations for n in TARGETS),
     MAZE_ANY_SOURCES,
     MAZE_INGREDIENTS,
+    MAZE_ONE_AT_A_TIME,
+    MAZE_ANY_EARLY,
+    MAZE_SOLVED,
+    MAZE_STOPS,
     MAZE_SLIDERS,
 )

@@ -28,6 +28,7 @@ from vtlib.stats import Interval, difference_interval, mean_interval
 
 Measure = Callable[..., Interval]
 DOOR = 5.0  # of every target in section 6.1.3
+CLEAR = 0.75  # of the moves: halfway from no direction to always
 SOURCES_AT = (1_000, 1_950)
 FEW, MANY = 2, 10  # sources
 
@@ -173,6 +174,10 @@ def rooms_distribution_change() -> list[Claim]:
     ]
 
 
+def _finite(x: np.ndarray) -> np.ndarray:
+    return x[np.isfinite(x)]
+
+
 def rooms_exploration() -> list[Claim]:
     """Section 6.1.3, Figure 6.4, of which no numbers were published."""
     protocols = rooms.ROOMS_EXPLORATION._asdict()
@@ -210,6 +215,16 @@ def rooms_exploration() -> list[Claim]:
                 lambda places: mean_interval(visits.share_at_door(places, DOOR) / even),
                 x,
                 low=1.0,
+            )
+            for x in ("GVT", "1-MGVT")
+        ),
+        *(
+            claim(
+                f"When {x} has passed the wall, its path to the goal is clear.",
+                "share of moves beyond the wall that lead nearer to the goal, of runs with any",
+                lambda places: mean_interval(_finite(visits.progress(places))),
+                x,
+                low=CLEAR,
             )
             for x in ("GVT", "1-MGVT")
         ),
