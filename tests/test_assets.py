@@ -58,6 +58,18 @@ def test_a_book_without_its_scripts_is_built_on_request(extension, monkeypatch, 
     assert ("make book ONLINE=yes" in said) != online
 
 
+def test_without_its_scripts_no_build_is_begun(extension, monkeypatch, tmp_path, capsys):
+    build, started = extension("build"), Mock()
+    unavailable = extension("fetch_assets").AssetsUnavailable("network is unreachable")
+    monkeypatch.setattr(build, "fetch", Mock(side_effect=unavailable))
+    monkeypatch.setattr(build, "subprocess", started)
+    monkeypatch.setattr(build.sys, "argv", ["build.py", "--fresh", "--results", str(tmp_path)])
+    assert build.main() == 1
+    assert capsys.readouterr().out.endswith("The book was not built.\n")
+    assert not started.mock_calls
+    assert not [*tmp_path.iterdir()]
+
+
 def test_the_cache_key_follows_what_pages_depend_on(extension, tmp_path):
     decisive = ["requirements.txt", "vtlib/b.cpp", "book/vtbook/a.py"]
     decisive += ["book/results/runs.npz", "book/published/curve.csv"]

@@ -7,7 +7,14 @@ from vtbook.experiments.grids import POSTERIORS, PSIS, slider_lambdas
 from vtbook.experiments.maze import MAIN, MAZE_TARGETS
 from vtbook.experiments.mountain_car import CAR
 from vtbook.experiments.protocols import transfer_settings
-from vtbook.experiments.rooms import ROOMS_EXPLORATION, ROOMS_LAMBDAS
+from vtbook.experiments.rooms import (
+    ROOMS_CHANGE,
+    ROOMS_EVALUATION,
+    ROOMS_EXPLORATION,
+    ROOMS_LAMBDAS,
+    ROOMS_LIKELIHOOD,
+    ROOMS_SOURCES,
+)
 
 
 @pytest.fixture
@@ -43,14 +50,26 @@ def test_search_finds_a_word_of_the_text(visits, page):
         assert not page.foreign
 
 
-# Of each environment a page: its experiment, and the first and the last iterations of a slider over
-# them, on a panel of its own.
+# Of each page its experiment, and the first and the last iterations of a slider over them, on a
+# panel of its own.
 SETTINGS = {
+    "rooms_evaluation": (ROOMS_EVALUATION, ()),
+    "rooms_distribution_change": (ROOMS_CHANGE, ()),
+    "rooms_likelihood": (ROOMS_LIKELIHOOD, ()),
+    "rooms_number_of_sources": (ROOMS_SOURCES, ()),
     "cartpole": (CARTPOLE, ()),
     "mountain_car": (CAR, (0, 200, 500, 5000)),
     "mazes": (MAZE_TARGETS[MAIN], (0, 500, 1000, 4000)),
     "rooms_exploration": (ROOMS_EXPLORATION, (0, 50, 100, 2000)),
 }
+
+
+def pictures(page):
+    """The sources of the pictures that the sliders show."""
+    return page.evaluate(
+        "[...document.querySelectorAll('.widget-subarea img')].filter(i => i.offsetParent)"
+        ".map(i => i.src)"
+    )
 
 
 def assert_shown(page, setting, panels):
@@ -65,12 +84,16 @@ def assert_shown(page, setting, panels):
 @pytest.mark.parametrize("name", SETTINGS)
 def test_each_slider_shows_the_picture_of_its_setting(visits, page, name):
     experiment, moments = SETTINGS[name]
-    base, panels = transfer_settings(experiment.published, "1-MGVT"), 1 + bool(moments)
+    published, panels = experiment.published, 1 + bool(moments)
+    label = next(label for label in published.algorithms if label.startswith("1-MGVT"))
+    base = transfer_settings(published, label)
     lambdas = ROOMS_LAMBDAS if name.startswith("rooms") else slider_lambdas(base)
     values = [[f"lambda = {x:.0e}," for x in lambdas]]
     values += [[f"psi = {x:g}," for x in PSIS], [f" {x};" for x in POSTERIORS]]
     for _ in visits(name):
-        *above, first, second, third = handles_of(page)
+        handles = handles_of(page)
+        numbers = handles.pop() if name == "rooms_number_of_sources" else None
+        *above, first, second, third = handles
         assert len(above) == panels - 1
         current = [f"lambda = {base.lambda_:.0e},", f"psi = {base.psi:g},", " 1-MGVT;"]
         assert_shown(page, current, panels)
@@ -82,6 +105,11 @@ def test_each_slider_shows_the_picture_of_its_setting(visits, page, name):
                 handle.press("ArrowRight" if at else "Home")
                 current[axis] = text
                 assert_shown(page, current, panels)
+        if numbers:
+            before = pictures(page)
+            numbers.press("Home")
+            assert_shown(page, current, panels)
+            assert pictures(page) != before
 
 
 def test_a_state_of_the_sliders_can_be_linked(visits, page):

@@ -23,7 +23,7 @@ RUNS = {
     "rooms_exploration": (rooms.ROOMS_EXPLORATION, rooms.ROOMS_EXPLORATION_SLIDERS),
     "rooms_number_of_sources": (rooms.ROOMS_SOURCES, rooms.ROOMS_SOURCES_SLIDERS),
 }
-SHAPE = """The claims, Would fine-tuning do as well?, Move the parameters, What the sources cost,
+SHAPE = """The claims, Would fine-tuning do as well?, What the sources cost, Move the parameters,
     Limits, An exercise, How it was computed"""
 
 
@@ -51,6 +51,8 @@ def test_a_page_of_an_experiment_asks_answers_and_is_read_to_the_end(page):
     assert re.search(r"^# .*\?$", prose, re.MULTILINE), "the title asks"
     wanted, found = re.split(r",\s+", SHAPE), re.findall(r"^## (.*)$", prose, re.MULTILINE)
     assert [heading for heading in found if heading in wanted] == wanted
+    (why,) = (place for place, heading in enumerate(found) if heading.startswith("Why"))
+    assert found.index("Would fine-tuning do as well?") < why < found.index("Move the parameters")
     assert words(prose) < 2_000
     answer = re.search(r"```\{admonition\} The answer\n:class: tip\n(.*?)```", prose, re.DOTALL)[1]
     assert words(answer) <= 60

@@ -32,6 +32,20 @@ def test_every_task_has_twenty_runs_of_each_way():
         np.testing.assert_array_equal(found["best source"], found["sources"][best])
 
 
+def test_transfer_destroys_a_source_on_none_of_the_tasks():
+    for name in (f"{kind}-{place}" for kind in runs.KINDS for place in ("within", "outside")):
+        assert runs.verdict(store.read(FOLDER / name)[0], "best source") != "fails", name
+
+
+@pytest.mark.parametrize(
+    ("losses", "verdict"), [((1, 1), "holds"), ((3, 3.1), "fails"), ((0, 9), "undecided")]
+)
+def test_transfer_may_lose_two_percent_of_the_way_from_nothing_to_the_source(losses, verdict):
+    best = np.array([90.0, 110.0])
+    found = {"from nothing": best - 100, "best source": best, "transfer": best - losses}
+    assert runs.verdict(found, "best source") == verdict
+
+
 def test_sources_earn_again_what_is_stored(monkeypatch):
     kind = evolve(runs.KINDS["cartpole"], learning=1)  # nothing that rounding can send elsewhere
     monkeypatch.setitem(runs.KINDS, "cartpole", kind)
@@ -53,8 +67,9 @@ def test_a_forged_number_is_named(monkeypatch, tmp_path, capsys):
     assert main(["verify", "guide", "--seed=0", "--results", str(root)]) == 0
     assert capsys.readouterr().out.splitlines()[-1] == f"guide/{task}: verified"
     for key, array in found.items():
-        forged = array.copy()
-        forged[..., 0] = not array[0] if array.dtype == bool else array[..., 0] + 1
+        forged, first = array.copy(), array[..., 0]
+        by = {"b": True, "i": 1, "f": 0.1}[array.dtype.kind]
+        forged[..., 0] = first ^ by if by is True else first + by
         for stored in (forged, np.concatenate([array, array], -1)):
             store.remove(folder / task)
             store.save(folder / task, found | {key: stored}, note)
@@ -92,15 +107,22 @@ def test_a_wheel_has_all_that_the_guides_first_lines_need_but_no_results(tmp_pat
     (cell,) = re.findall(r"```\{code-cell\} python3\n(import gymnasium.*?)```", page, re.DOTALL)
     code = f"""
 {cell.replace("iterations=4000", "iterations=200")}
-import vtbook, vtlib.cli, vtlib.envs.maze
+import vtbook.bench, vtlib.cli, vtlib.envs.maze, vtlib.experiments.store
+vtbook.bench.PUBLISHED = {{"cartpole": {{"DDQN": 0.74}}}}
+assert vtlib.cli.main(["bench"]) == 0
 print(vtlib.__file__, vtbook.__file__, vtlib.__version__, *sources.shape, q.d)
+print(transfer([cartpole(0.5)], q, sources, 5, trials=2).steps > 5)
+print(vtlib.experiments.store.results_folder().resolve())
 vtlib.envs.maze.library()
 raise SystemExit(vtlib.cli.main(["verify"]))
 """
     done = python(code, empty, PYTHONPATH=str(unpacked))
     (version,) = re.findall(r'^version = "(.*)"', (ROOT / "pyproject.toml").read_text(), re.M)
     inside = [str(unpacked / name / "__init__.py") for name in ("vtlib", "vtbook")]
-    assert done.stdout.split() == [*inside, version, "4", "226", "226"], done
-    assert done.returncode == 2
+    assert done.returncode == 2, done
+    *_, row, told, transferred, results = done.stdout.splitlines()
+    assert row.split()[0] == "DDQN"
+    assert told.split() == [*inside, version, "4", "226", "226"]
+    assert (transferred, results) == ("tensor([True])", str(empty.resolve() / "results"))
     (line,) = done.stderr.splitlines()
     assert "the book's results are book/results of its repository" in line

@@ -40,6 +40,14 @@ class Corridor(gym.Env):
         return self.observation_space.high, float(action), False, self._left == 0, {}
 
 
+class Calls(torch.nn.Module):
+    """A layer that calls a function of its input."""
+
+    def __init__(self, function) -> None:
+        super().__init__()
+        self.forward = function
+
+
 def always(action: int) -> torch.Tensor:
     """Weights (d,) of a policy that always takes an action."""
     return torch.eye(Q.d)[-2 + action]
@@ -47,9 +55,17 @@ def always(action: int) -> torch.Tensor:
 
 ENV, LINEAR = Corridor(), torch.nn.Linear(4, 3)
 FLAT = torch.nn.Sequential(LINEAR, torch.nn.Flatten(0))
+NOISE = np.random.default_rng(0)
+DRAWING, TORCH_DRAWING = (
+    torch.nn.Sequential(torch.nn.Linear(4, 8), Calls(noisy), torch.nn.ReLU(), torch.nn.Linear(8, 2))
+    for noisy in (lambda x: x + NOISE.normal(0, 0.1), lambda x: x + torch.randn_like(x))
+)
 NAN = gym.wrappers.TransformReward(Corridor(), lambda _: np.nan)
 BLIND = gym.wrappers.TransformObservation(Corridor(), lambda _: [0.0, np.nan, 0.0, 0.0], None)
 BOTH = torch.stack([always(0), always(1)])
+MANY, ANY_LENGTH = Corridor(), Corridor()
+MANY.observation_space = gym.spaces.Dict(box=ENV.observation_space, cell=gym.spaces.Discrete(3))
+ANY_LENGTH.observation_space = gym.spaces.Sequence(ENV.observation_space)
 
 
 def test_greedy_returns_are_discounted_sums():
@@ -106,6 +122,15 @@ def test_without_trials_it_is_the_method_alone_and_a_learner_stays_on_the_proces
     learned = transfer([Corridor()], Q, BOTH, 1, settings, trials=0, device=device)
     assert (learned.steps.tolist(), learned.improved.tolist()) == ([1], [True])
     assert (learned.weights[0, 0] - always(0)).abs().max() < 0.01
+
+
+def test_what_the_messages_advise_can_be_learned_with():
+    flat = gym.wrappers.FlattenObservation(Corridor(space=(2, 2)))
+    sources = solve([flat], Q, 30, LEARNER).weights[0]
+    assert transfer([flat], Q, sources, 30, FineTuning(LEARNER)).weights.shape == (1, 1, Q.d)
+    torques, few = [np.array([x], np.float32) for x in (-2, 0, 2)], gym.spaces.Discrete(3)
+    swing = gym.wrappers.TransformAction(gym.make("Pendulum-v1"), torques.__getitem__, few)
+    assert solve([swing], MLP((3, 8, 3)), 30, LEARNER).steps.tolist() == [30]
 
 
 @pytest.mark.parametrize("learner", [LEARNER, DDQNSettings(100)])
@@ -181,9 +206,15 @@ def test_a_file_that_is_not_whole_is_named(tmp_path):
         (partial(evaluate, [ENV], Q, always(1).view(1, 1, -1), gamma=2.0), "gamma must lie in"),
         (partial(solve, [ENV, gym.Wrapper(ENV)], Q, 10), "one is given twice"),
         (partial(solve, [Corridor(space=(2, 2))], Q, 10), "FlattenObservation makes one of it"),
+        (partial(solve, [gym.make("FrozenLake-v1")], Q, 10), "FlattenObservation makes one of it"),
+        (partial(solve, [MANY], Q, 10), "FlattenObservation makes one of it"),
+        (partial(solve, [ANY_LENGTH], Q, 10), r"Box observation space, got Sequence\(.*False\)$"),
+        (partial(solve, [gym.make("Pendulum-v1")], Q, 10), "choose some, and .*TransformAction"),
         (partial(solve, [ENV], MLP((4, 8, 3)), 10), "the environments' 2 actions, got 3"),
         (partial(solve, [ENV], ModuleQ(LINEAR, np.int64(2)), 10), "2 actions, got 2 and 3 values"),
         (partial(solve, [ENV], ModuleQ(FLAT, 2), 10), "cannot value an observation"),
+        (partial(solve, [ENV], ModuleQ(DRAWING, 2), 10), "the same values each time, it draws"),
+        (partial(solve, [ENV], ModuleQ(TORCH_DRAWING, 2), 10), "value an observation: .*random"),
         (partial(solve, ["CartPole-v1"], Q, 10), "each environment must be of type Env"),
         (partial(transfer, [ENV], LINEAR, SOURCES, 10), "q must be of type QFunction"),
     ],

@@ -57,7 +57,7 @@ def _parser() -> argparse.ArgumentParser:
     told = "draw the runs that this number drew before"
     seed = _like("[0-9]+", "a whole number of at least 0", int)
     how.add_argument("--seed", type=seed, help=told)
-    told = "note in the results' folder what was computed anew"
+    told = "note in the results' folder what was computed anew of experiments"
     verify.add_argument("--record", action="store_true", help=told)
     again = commands.add_parser("reproduce", help="compute everything anew and compare")
     again.add_argument("--only", action="append", metavar="EXPERIMENT", help="may be repeated")

@@ -94,8 +94,10 @@ def solve(
 
     All start from one common initialisation, which keeps the hidden units of a network comparable
     between sources. callback is told the iteration and the mean returns (R,) every 100 iterations,
-    and ends the learning by returning False; progress shows a bar. Raises ValueError for spaces
-    other than Box and Discrete, a Q-function of other sizes, or an environment that is given twice.
+    and ends the learning by returning False; progress shows a bar. It has no ``device``,
+    unlike ``transfer``: only posteriors are kept elsewhere than on the processor. Raises ValueError
+    for spaces other than Box and Discrete, a Q-function of other sizes or that draws random
+    numbers, or an environment that is given twice.
     """
     check_whole("iterations", iterations)
     check_kind("callback", callback, Callable | None)
@@ -233,9 +235,13 @@ def _episodes(envs: Sequence[gymnasium.Env], q: QFunction, name: str, gamma: flo
     seeds = [int(generator(name, run, "environment").integers(limit)) for run in runs]
     episodes = GymEpisodes(envs, seeds, gamma)
     try:
-        values = q.q(torch.zeros(1, 1, q.d), q.prepare(episodes.obs[:1].unsqueeze(1)))
+        # weights of many sizes: those of zero would hide what a unit draws
+        w, seen = torch.linspace(-1, 1, q.d).view(1, 1, -1), episodes.obs[:1].unsqueeze(1)
+        values, again = (q.q(w, q.prepare(seen)) for _ in range(2))
     except Exception as error:  # one's own fails in as many ways as there are authors
         raise ValueError(f"the Q-function cannot value an observation: {error}") from error
+    if values.shape != again.shape or not torch.allclose(values, again, 1e-4, 1e-4, equal_nan=True):
+        raise ValueError("the Q-function must give the same values each time, it draws others")
     if not values.shape[2] == q.n_actions == episodes.n_actions:
         found = f"{episodes.n_actions} actions, got {q.n_actions} and {values.shape[2]} values"
         raise ValueError(f"the Q-function must have the environments' {found}")

@@ -24,6 +24,7 @@ FRONT = re.compile(r"\A---\n.*?\n---\n", re.DOTALL)
 FENCE = re.compile(r"^\s*(`{3,}|:{3,})(.*)$")
 # Directives whose content is no prose; that of the others, and of colon fences, is read.
 CODE = ("{code-cell}", "{literalinclude}", "{bibliography}", "{toctree}", "{raw}")
+CAPTION = " " * 6  # what stands so far to the right in a cell's settings is read
 INLINE = re.compile(
     r"<!--.*?-->|\$\$.*?\$\$|\$[^$]+\$|\]\([^)]*\)|\{[a-z:]+\}`[^`]*`|`[^`]+`", re.DOTALL
 )
@@ -55,13 +56,14 @@ def space(found: re.Match[str]) -> str:
 
 
 def without_code(lines: list[str]) -> Iterator[str]:
-    """Lines without fenced code, and without the fences around prose and their options."""
-    closing = ""  # of the code that is being skipped
+    """Lines without fenced code but for its captions, and without fences around prose."""
+    closing, header = "", False  # of the code that is being skipped; whether its settings stand here
     for line in lines:
         fence = FENCE.match(line)
         if closing:
             closing = "" if line.strip() == closing else closing
-            yield ""
+            header ^= line == "---"
+            yield line.strip() if header and line.startswith(CAPTION) else ""
         elif fence or re.match(r":[a-z-]+:", line):
             info = fence[2].strip() if fence else ""
             # a bare fence in a page's prose ends a directive; code names its language

@@ -277,7 +277,7 @@
       this.find(".go").textContent = this.running ? "Pause" : "Run";
       this.plan.show(report);
       this.chart.show(report);
-      if (report.maps) this.showMaps(report.maps);
+      for (const [name, values] of Object.entries(report.maps ?? {})) this.paint(name, values);
       this.greedy = report.greedy ?? this.greedy;
       this.showNumbers(report);
       if (!this.running) this.sayWhere(report);
@@ -303,12 +303,9 @@
       }));
     }
 
-    showMaps({ value, deviation }) {
-      this.paint(this.find(".value"), value, 1);
-      this.paint(this.find(".deviation"), deviation, Math.max(...deviation));
-    }
-
-    paint(part, values, most) {
+    /* Values are drawn to 1, the return of who begins at the goal; deviations to their largest. */
+    paint(name, values) {
+      const part = this.find(`.${name}`), most = name === "value" ? 1 : Math.max(...values);
       const canvas = part.querySelector("canvas"), context = canvas.getContext("2d"), size = canvas.width;
       const small = new OffscreenCanvas(CELLS, CELLS), cells = small.getContext("2d");
       values.forEach((v, i) => {

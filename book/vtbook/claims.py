@@ -92,9 +92,13 @@ class Runs:
         """Learning returns (R,) averaged until an iteration."""
         return np.asarray(self.stored.learning.sel(iteration=slice(None, t)).mean("iteration"))
 
+    def shares(self, t: int, kind: str = "learning") -> np.ndarray:
+        """The return (R,) at an iteration."""
+        return (self.at(t, kind) - self.floor) / self.scale
+
     def share(self, t: int, kind: str = "learning") -> Interval:
         """The mean return at an iteration."""
-        return mean_interval((self.at(t, kind) - self.floor) / self.scale)
+        return mean_interval(self.shares(t, kind))
 
     def gain(self, other: Runs, t: int, kind: str = "learning") -> Interval:
         """How much more this algorithm earns than another at an iteration, paired by run."""

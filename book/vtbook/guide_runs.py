@@ -22,11 +22,12 @@ from vtlib.experiments import store
 from vtlib.gym_runs import evaluate, solve, transfer
 from vtlib.qfunctions import MLP
 from vtlib.rng import generator
-from vtlib.stats import same_distribution_p
+from vtlib.stats import difference_interval, same_distribution_p
 
 RUNS, SEED = 20, 1  # fixed before any of the runs was looked at
 UNLEARNED = ("sources", "best source", "weights", "own")
 LEVEL = 1e-3  # below which a p value tells two distributions apart
+LOSS = -0.02  # of the way from learning from nothing to the best source, that transfer may lose
 NAME = "guide"  # of their folder among the results
 
 
@@ -194,6 +195,15 @@ def alike(key: str, stored: np.ndarray, again: np.ndarray, same: bool) -> bool:
         return bool(close.mean() >= (1 if same else 0.95))
     rng = generator(f"guide {key}", 0, "comparison")
     return same_distribution_p(stored.astype(float), again.astype(float), rng) > LEVEL
+
+
+def verdict(found: store.Arrays, way: str) -> str:
+    """Whether transfer loses no more than LOSS beside another way: holds, fails or undecided."""
+    over = difference_interval(found["transfer"], found[way])
+    least = LOSS * float(found["best source"].mean() - found["from nothing"].mean())
+    if over.low >= least:
+        return "holds"
+    return "fails" if over.high < least else "undecided"
 
 
 def main() -> int:

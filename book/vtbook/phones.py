@@ -19,7 +19,7 @@ LOWEST, TALLEST = {1: 2.1, 2: 1.5, 3: 1.5}, 2.3  # inches, of curves with what i
 ROWS, OF_ROW = 12, 0.17  # more names beside a panel than these make it taller, by inches each
 BESIDE = 24  # letters in a line of a label, and half of them below a panel with so many names
 LETTERS = {1: 46, 2: 15, 3: 14, 4: 8, 5: 6}  # in the title of a panel, by the columns
-MANY = {True: (8,), False: (2, 8)}  # panels of curves, or maps: more have twice the columns
+MANY = {True: (8,), False: (4, 8)}  # panels of curves, or maps: more have twice the columns
 Panels = dict[Axes, SubplotSpec]
 Change = Callable[[Callable[[Any], Any], Any, Any], None]
 

@@ -27,7 +27,7 @@ from xarray import Dataset
 from vtbook.costs import steps_to_solve
 from vtbook.phones import narrow, panels_of
 from vtbook.published import PublishedCurve
-from vtlib.stats import Interval, mean_interval
+from vtlib.stats import mean_interval
 
 # Okabe and Ito's palette, told apart with any colour vision.
 COLOURS = {
@@ -42,7 +42,7 @@ COLOURS = {
     "fine-tuned mean": "#56B4E9",
     "recommended": "#8200d8",
 }
-PUBLISHED = "#8a8a8a"
+PUBLISHED, PRINTED = "#8a8a8a", "#4a4a4a"  # a published curve's band, and its mean
 OPTIMUM = "#1a1a1a"
 KINDS = MappingProxyType({"learning return": "learning", "greedy return": "greedy"})
 # Line styles tell curves apart in print, and variants of one algorithm from it.
@@ -239,7 +239,7 @@ def draw_over_published(
         ax.set_title(f"{solved} of {len(values)} solved", loc="right", size=8)
         _mark_arrival(ax, at, values, floor, COLOURS[label])
     ax.fill_between(theirs.iterations, theirs.low, theirs.high, color=PUBLISHED, alpha=0.4, lw=0)
-    ax.plot(theirs.iterations, theirs.mean, color="black", lw=0.9)
+    ax.plot(theirs.iterations, theirs.mean, color=PRINTED, lw=0.9)
     draw_curves(ax, [Curve(label, at, values, COLOURS[label])], float(stored.optimum.mean()))
 
 
@@ -283,9 +283,9 @@ def over_published(
 
 
 def intervals_figure(
-    groups: Mapping[str, Mapping[str, Interval]], xlabel: str, colours: Mapping[str, str]
+    groups: Mapping[str, Mapping[str, np.ndarray]], xlabel: str, colours: Mapping[str, str]
 ) -> Figure:
-    """Numbers with their intervals, one below the other, a panel for each group.
+    """Means of runs (R,) with intervals and every run, below each other, a panel for each group.
 
     The first of a group is the one that others are compared with: a line marks it.
     """
@@ -294,11 +294,15 @@ def intervals_figure(
         figure = BookFigure(figsize=(7.6, 1.0 + 0.26 * rows))
         axes = figure.subplots(1, len(groups), sharex=True, squeeze=False)[0]
         for ax, (name, group) in zip(axes, groups.items(), strict=True):
-            for y, one in enumerate(group.values()):
+            for y, values in enumerate(group.values()):
+                one = mean_interval(values)
+                # every run a little below
+                at = np.full(len(values), y + 0.3)
+                ax.plot(values, at, ".", color=colours[name], ms=4, mec="none", alpha=0.35)
                 ax.plot([one.low, one.high], [y, y], color=colours[name], lw=1.4)
                 ax.plot(one.centre, y, "o", color=colours[name], ms=5)
             first = next(iter(group.values()))
-            ax.axvline(float(first.centre), color=colours[name], lw=0.8, ls=":")
+            ax.axvline(first.mean(), color=colours[name], lw=0.8, ls=":")
             ax.set_yticks(range(len(group)), [_spelled(x) for x in group])
             ax.invert_yaxis()
             ax.set_title(name)

@@ -84,7 +84,7 @@ def setting_words(setting: Setting, usual: Setting, mine: Runs, theirs: Runs) ->
 def meaning(setting: Setting, usual: Setting, gap: Interval) -> str:
     """A difference from the thesis' setting in a few words."""
     if gap.low <= 0 <= gap.high:
-        return "nothing that these runs could tell"
+        return "no difference that these runs can show"
     if gap.low > 0:
         return "better here than the thesis' choice"
     (lambda_, psi, _), (usual_lambda, usual_psi, _) = setting, usual

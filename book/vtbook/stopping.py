@@ -14,9 +14,10 @@ class StoppingMazes(Mazes):
     """The same mazes, in which a move goes no further than to the border."""
 
     def _advance(self, position: np.ndarray, move: np.ndarray) -> np.ndarray:
-        within = (position + move).clip(BORDER, SIDE - BORDER) - position
-        cut = abs(within) < abs(move)
-        share = np.divide(within, move, out=np.ones_like(move), where=cut).min(0)
+        aim = position + move
+        edge = aim.clip(BORDER, SIDE - BORDER)
+        cut = (aim != edge) & (move != 0)
+        share = np.divide(edge - position, move, out=np.ones_like(move), where=cut).min(0)
         return super()._advance(position, share.clip(0) * move)
 
 

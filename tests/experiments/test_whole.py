@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from attrs import evolve
 
+from vtbook.experiments.maze import MAIN, MAZE_TARGETS
 from vtbook.experiments.rooms import ROOMS_EVALUATION
 from vtlib import baselines, native
 from vtlib.experiments import run, sources, store, whole
@@ -177,6 +178,7 @@ def compared(machine="this one", processor="another", reward=1, **changes) -> Wh
 )
 def test_what_rounding_explains_on_another_processor(changes, parted, monkeypatch):
     monkeypatch.setattr(whole, "by_kernels", lambda *_: False)
+    monkeypatch.setattr(native, "level", lambda: "x86_64_v4")
     found = compared(**changes)
     assert found.parted == ({} if parted is None else {7: parted})
     assert list(found.wrong) == ([7] if parted is None else [])
@@ -201,6 +203,20 @@ def test_the_wider_kernels_excuse_nothing_on_any_processor(monkeypatch):
         assert not whole._rounds_otherwise(ROOMS, "tasks", note, here)
         found = whole._rounds_otherwise(ROOMS, "1-MGVT", note, here)
         assert found == (level == "baseline")
+
+
+def test_where_no_kernels_are_compiled_torch_rounds_otherwise_on_the_same_processor(monkeypatch):
+    monkeypatch.setattr(native, "level", lambda: None)
+    monkeypatch.setattr(whole, "by_kernels", lambda *_: False)
+    assert compared(processor="this one", learning=slice(50, None)).parted == {7: 5_099}
+    assert list(compared(processor="this one", learning=[30]).wrong) == [7]
+    here = {"processor": "this one"}
+    assert whole._rounds_otherwise(ROOMS, "GVT", {"machine": here}, here)
+    # what was torch's is torch's again
+    card = {**here, "device": "a card"}
+    assert not whole._rounds_otherwise(ROOMS, "GVT", {"machine": card}, card)
+    for owner in (ROOMS.pool, evolve(ROOMS, visits=True), MAZE_TARGETS[MAIN].published):
+        assert not whole._rounds_otherwise(owner, "GVT", {"machine": here}, here)
 
 
 def test_parted_sources_must_earn_what_is_stored_of_their_weights(

@@ -29,7 +29,8 @@ template <class Task> static bool a_run(const float *task) {
   constexpr int D = Task::D;
   Settings s = {};
   s.family = whole(LEARNER, MIXTURE), s.components = s.family == MIXTURE ? whole(1, MOST_COMPONENTS) : 1;
-  s.sources = whole(1, MOST_SOURCES), s.n_samples = whole(1, LANES - 1), s.minibatch = whole(1, 60);
+  s.sources = whole(1, MOST_SOURCES), s.n_samples = whole(1, LANES - 1);
+  s.minibatch = whole(1, 1 << whole(0, 9));  // mostly small: a large one takes long
   s.buffer = whole(1, 80), s.equal = s.family == MIXTURE && whole(0, 1), s.diagonal_kl = whole(0, 1);
   if (s.equal) s.sources = 1;
   s.epsilon_steps = whole(1, 100), s.epsilon_start = real(0, 1), s.epsilon_end = real(0, 1);

@@ -1,5 +1,6 @@
 """The panel that trains in a page: its parts, its runs against stored ones, and its use."""
 
+import importlib.util
 import json
 import os
 import re
@@ -26,7 +27,7 @@ from vtlib.stats import same_distribution_p
 websocket, bs4 = map(pytest.importorskip, ("websocket", "bs4"))
 HERE = Path(__file__).resolve().parent / "trainer"
 EVALUATION, LIKELIHOOD = ROOMS_EVALUATION.published, ROOMS_LIKELIHOOD.published
-# Set to how many runs of each algorithm to compare with stored ones, at most 400.
+# Set to how many runs of each algorithm to compare with the engine's, where there are so many.
 RUNS = int(os.environ.get("VTLIB_PAGE_RUNS", "20"))
 
 
@@ -34,9 +35,17 @@ def setup_of(html):
     return bs4.BeautifulSoup(html, "html.parser").find("script", type="application/json").string
 
 
+def found(name):
+    """Where a program is; node comes with playwright, too."""
+    beside = [Path(sys.executable).parent]
+    if spec := importlib.util.find_spec("playwright"):
+        beside.append(Path(spec.origin).parent / "driver")
+    return next(filter(None, (shutil.which(name, path=x) for x in (None, *beside))), None)
+
+
 def call(name, wheel, *arguments):
     """What a program prints; skipped where it is not installed."""
-    path = shutil.which(name) or shutil.which(name, path=Path(sys.executable).parent)
+    path = found(name)
     if path is None:
         pytest.skip(f"{name} is not installed: pip install {wheel} brings it")
     done = subprocess.run([path, *arguments], capture_output=True, text=True)
@@ -61,7 +70,7 @@ def test_the_kernel_in_the_repository_is_what_its_source_compiles_to(tmp_path):
         again = compile_page(tmp_path / "again.wasm")
     except RuntimeError as error:
         pytest.skip(str(error))
-    assert again.read_bytes() == PAGE.read_bytes(), "run: python -m vtlib.native"
+    assert again.read_bytes() == PAGE.read_bytes(), "run: python -m vtlib.native page"
 
 
 def test_a_linter_finds_nothing_in_the_scripts():
@@ -79,25 +88,37 @@ def test_the_parts_of_the_scripts(node):
 
 
 # a step of another size shows early, before a return tells
-@pytest.mark.parametrize(("label", "end"), [("1-MGVT", 100), ("1-MGVT", 500), ("GVT", 500)])
-def test_runs_in_the_page_are_distributed_as_those_of_the_engine(label, end, node):
-    family = label.removeprefix("1-")
-    rows, pool = np.arange(RUNS) * (LIKELIHOOD.runs // RUNS), weights(LIKELIHOOD.pool)
-    tasks = load(LIKELIHOOD, "tasks").isel(run=rows)
+@pytest.mark.parametrize(
+    ("experiment", "label", "end"),
+    [
+        (LIKELIHOOD, "1-MGVT", 100),
+        (LIKELIHOOD, "1-MGVT", 500),
+        (LIKELIHOOD, "GVT", 500),
+        (EVALUATION, "3-MGVT", 500),
+    ],
+)
+def test_runs_in_the_page_are_distributed_as_those_of_the_engine(experiment, label, end, node):
+    count = min(RUNS, experiment.runs)
+    rows, pool = np.arange(count) * (experiment.runs // count), weights(experiment.pool)
+    tasks = load(experiment, "tasks").isel(run=rows)
     told = zip(*(x.tolist() for x in (tasks.doors.values, tasks.sources.values, rows)), strict=True)
-    runs = [{"family": family, "doors": d, "indices": s, "seed": seed} for d, s, seed in told]
-    html = trainer.train_here(LIKELIHOOD, (5.0,))
+    C = experiment.algorithms[label].components
+    algorithm = {"family": label.split("-")[-1], "components": C}
+    runs = [{**algorithm, "doors": d, "indices": s, "seed": seed} for d, s, seed in told]
+    html = trainer.train_here(experiment, (5.0,))
     here = zip(*json.loads(node(html, HERE / "runs.js", json.dumps([runs, end]))), strict=True)
-    batch = prepare(LIKELIHOOD, label, rows, pool)
+    batch = prepare(experiment, label, rows, pool)
     list(pauses(batch, [end]))
-    mu, L = batch.agent.mu.detach()[:, 0].numpy(), batch.agent.scale_tril[:, 0]
-    there = batch.episodes.returns.mean().numpy(), mu, L.diagonal(dim1=1, dim2=2).numpy()
+    mu, L = batch.agent.mu.detach().numpy(), batch.agent.scale_tril
+    there = batch.episodes.returns.mean().numpy(), mu, L.diagonal(dim1=2, dim2=3).numpy()
     # how far means have moved from their own sources' and how wide the posterior is now
+    start = pool[tasks.sources].mean(1, keepdims=True)
     one, other = (
-        (earned, np.linalg.norm(mu - pool[tasks.sources].mean(1), axis=1), np.log(diagonal).mean(1))
+        (earned, np.linalg.norm(mu - start, axis=2).mean(1), np.log(diagonal).mean((1, 2)))
         for earned, mu, diagonal in (map(np.array, here), there)
     )
-    for x, y in zip(one, other, strict=True):
+    stored = returns(experiment, label).learning.sel(iteration=end).isel(run=rows).values
+    for x, y in [*zip(one, other, strict=True), (one[0], stored)]:
         assert same_distribution_p(x, y, np.random.default_rng(0)) > 1e-3
 
 
@@ -197,6 +218,24 @@ def test_training_stops_at_once_steps_and_begins_anew(opened):
     assert panel.locator(".iteration").inner_text() == "0"
 
 
+def test_a_mixture_of_three_and_then_a_gaussian_train_once_a_door_has_moved(opened):
+    panel = opened()
+    shows(panel, ".says", "^Ready")
+    panel.get_by_role("combobox").select_option(label="500 a second")
+    panel.locator(".door").first.press("ArrowRight")
+    assert panel.locator(".door").first.get_attribute("aria-valuenow") == "2.1"
+    components = panel.get_by_label("number of components")
+    components.press("End")
+    assert components.input_value() == "3"
+    for family in ("mixture (MGVT)", "Gaussian (GVT)"):
+        panel.get_by_label(family).check()
+        shows(panel, ".says", "^Ready")
+        panel.get_by_role("button", name="Run").click()
+        shows(panel, ".iteration", "^(1,[5-9]|[2-4],)")
+        panel.get_by_role("button", name="Pause").click()
+        shows(panel, ".says", r"^Paused at [1-4],\d+: learning return \d\.\d\d;")
+
+
 def test_without_vector_instructions_the_panel_says_so(opened, page):
     page.add_init_script("WebAssembly.validate = () => false")
     panel = opened()
@@ -214,13 +253,17 @@ def test_a_page_of_two_rooms_has_one_door_and_starts_with_a_gaussian(opened):
 TRAINED = """new Promise(done => {
   const panel = document.querySelector(".trainer"), says = panel.querySelector(".says");
   const run = [...panel.querySelectorAll("button")].find(one => one.innerText.trim() === "Run");
+  const door = panel.querySelector(".door"), place = () => door.getAttribute("aria-valuenow");
+  const before = place();
+  door.dispatchEvent(new KeyboardEvent("keydown", { key: "ArrowRight" }));
+  const after = place();
   let asked = false;
   const timer = setInterval(() => {
     if (says.innerText.startsWith("Ready") && !asked) asked = run.click() ?? true;
     if (!says.innerText.startsWith("Done")) return;
     clearInterval(timer);
     const told = name => panel.querySelector(`.legend .${name}`).innerText.split(" ").pop();
-    done(`${told("transfer")} ${told("none")}`);
+    done(`${before} ${after} ${told("transfer")} ${told("none")}`);
   }, 50);
 })"""
 
@@ -249,5 +292,6 @@ def test_a_reader_with_firefox_trains_too(book, tmp_path):
         done = call(4, "script.evaluate", expression=TRAINED, target=where, awaitPromise=True)
         socket.close()
         process.terminate()
-    transfer, none = map(float, done["result"]["value"].split())
+    before, after, transfer, none = map(float, done["result"]["value"].split())
+    assert after == pytest.approx(before + 0.1)
     assert transfer > none + 0.3

@@ -6,12 +6,16 @@ from typing import Any
 import gymnasium
 import numpy as np
 import torch
+from gymnasium.spaces import Box, Dict, Discrete, MultiBinary, MultiDiscrete, Tuple
 from torch import Tensor
 
 from vtlib.checks import check_kind
 from vtlib.envs.base import Tasks
 from vtlib.replay import Transition
 from vtlib.rng import Stream
+
+# of which gymnasium.wrappers.FlattenObservation can make one Box, unless others are within
+FLATTENED = Box, Discrete, MultiDiscrete, MultiBinary, Dict, Tuple
 
 
 class Returns:
@@ -161,10 +165,12 @@ def _sizes(env: gymnasium.Env) -> tuple[int, int]:
     """Numbers of an observation and of actions; ValueError for spaces of another kind."""
     check_kind("each environment", env, gymnasium.Env)
     box, discrete = env.observation_space, env.action_space
-    if not (isinstance(box, gymnasium.spaces.Box) and len(box.shape) == 1):
-        more = isinstance(box, gymnasium.spaces.Box) and len(box.shape) > 1
-        remedy = "; gymnasium.wrappers.FlattenObservation makes one of it" if more else ""
+    if not (isinstance(box, Box) and len(box.shape) == 1):
+        flat = isinstance(box, FLATTENED) and box.is_np_flattenable
+        remedy = "; gymnasium.wrappers.FlattenObservation makes one of it" if flat else ""
         raise ValueError(f"needs a one-dimensional Box observation space, got {box}{remedy}")
-    if not isinstance(discrete, gymnasium.spaces.Discrete):
-        raise ValueError(f"needs a Discrete action space, got {discrete}: there is a value each")
+    if not isinstance(discrete, Discrete):
+        remedy = "choose some, and gymnasium.wrappers.TransformAction makes them of their numbers"
+        told = f"needs a Discrete action space, got {discrete}"
+        raise ValueError(f"{told}, for each action has a value: {remedy}")
     return box.shape[0], int(discrete.n)

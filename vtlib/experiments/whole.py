@@ -187,12 +187,20 @@ def _rounds_otherwise(
     if label == TASKS or not isinstance(there, dict) or there.get("processor") is None:
         return False
     if all(there.get(part) == machine.get(part) for part in ("processor", "device")):
-        return False
+        # what kernels computed, torch computes where none are compiled
+        return native.level() is None and "device" not in machine and _has_kernel(owner)
     if "device" in machine or isinstance(owner, Pool) or not by_kernels(owner, label):
         return True
     # kernels that fuse products and sums round alike, but a Gaussian's first factor is LAPACK's
     gaussian = getattr(owner.algorithms[label], "family", None) == "gaussian"
     return gaussian or native.level() in (None, "baseline")
+
+
+def _has_kernel(owner: Pool | Experiment) -> bool:
+    """Whether kernels, where they are compiled, may compute results of an owner."""
+    if isinstance(owner, Pool) or owner.visits or owner.probe:
+        return False
+    return bool(owner.family.kernel)
 
 
 def differences(

@@ -125,7 +125,7 @@ MAZE_SOLVED = evolve(
 MAZE_STOPS = evolve(
     MAZE_TARGETS[MAIN].published,
     name="maze-border",
-    family=StoppingMazeFamily(MAZE_TARGETS[MAIN].published.family.names),
+    family=StoppingMazeFamily((FAMILY.names[MAIN],)),
     algorithms={"1-MGVT": PUBLISHED_MGVT, "DDQN": DDQN},
     iterations=ITERATIONS // 2,
 )

@@ -175,7 +175,7 @@ def rooms_distribution_change() -> list[Claim]:
 
 
 def _finite(x: np.ndarray) -> np.ndarray:
-    return x[np.isfinite(x)]
+    return np.asarray(x[np.isfinite(x)])
 
 
 def rooms_exploration() -> list[Claim]:

@@ -1,0 +1,19 @@
+"""The kernels' compilation, where there is no compiler."""
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+
+@pytest.mark.parametrize(("what", "code"), [([], 0), (["page"], 1)])
+def test_without_a_compiler_one_line_says_what_follows(tmp_path, what, code):
+    (tmp_path / "ziglang.py").write_text("raise SystemExit('no compiler')")
+    command = [sys.executable, "-m", "vtlib.native", *what]
+    hidden = {**os.environ, "PYTHONPATH": str(tmp_path)}
+    done = subprocess.run(command, capture_output=True, text=True, env=hidden)
+    (line,) = (done.stdout + done.stderr).splitlines()
+    assert line.startswith("the page's kernel cannot be" if what else "the kernels cannot be")
+    assert line.endswith("; torch computes instead") == (not what)
+    assert done.returncode == code
