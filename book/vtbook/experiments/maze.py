@@ -110,7 +110,7 @@ MAZE_ONE_AT_A_TIME = evolve(
 MAZE_ANY_EARLY = evolve(
     MAZE_ANY_SOURCES,
     name="maze-any-sources-early",
-    algorithms={"3-MGVT": THREE},
+    algorithms={"3-MGVT": THREE, "3-MGVT, from a source": evolve(THREE, init="sources")},
     iterations=EARLY,
 )
 # What sources do that were never solved; and a border that stops robots, where the text is silent.
