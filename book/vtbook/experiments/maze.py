@@ -114,7 +114,7 @@ MAZE_ANY_EARLY = evolve(
     iterations=EARLY,
 )
 # What sources do that were never solved; and a border that stops robots, where the text is silent.
-UNSOLVED = (1, 4, 15)
+UNSOLVED = (1, 4, 15, 17)
 MAZE_SOLVED = evolve(
     MAZE_TARGETS[MAIN].published,
     name="maze-solved-sources",
@@ -127,7 +127,7 @@ MAZE_STOPS = evolve(
     name="maze-border",
     family=StoppingMazeFamily((FAMILY.names[MAIN],)),
     algorithms={"1-MGVT": PUBLISHED_MGVT, "DDQN": DDQN},
-    iterations=ITERATIONS // 2,
+    iterations=EARLY,
 )
 MAZE_SLIDERS = sliders_of(MAZE_TARGETS[MAIN].published, "maze-sliders", runs=5, iterations=5_000)
 
