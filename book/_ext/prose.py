@@ -57,7 +57,7 @@ def space(found: re.Match[str]) -> str:
 
 def without_code(lines: list[str]) -> Iterator[str]:
     """Lines without fenced code but for its captions, and without fences around prose."""
-    closing, header = "", False  # of the code that is being skipped; whether its settings stand here
+    closing, header = "", False  # of the code that is skipped; whether its settings stand here
     for line in lines:
         fence = FENCE.match(line)
         if closing:
