@@ -9,7 +9,11 @@ MOVING = [
     *[("background", name) for name in ("contraction", "td-bias", "elbo", "gibbs")],
     *[("method", name) for name in METHOD],
 ]
-IMAGE = re.compile(r'<img alt="([^"]+)".* src="data:image/png;base64,([^"]+)">')
+PNG = 'data:image/png;base64,([^"]+)"'
+# for telephones, and for all others
+PICTURE = re.compile(
+    rf'<picture><source [^>]* srcset="{PNG}><img alt="([^"]+)"[^>]* src="{PNG}></picture>'
+)
 
 
 @pytest.mark.parametrize(("name", "figure"), MOVING)
@@ -19,8 +23,10 @@ def test_a_slider_changes_the_picture_and_the_text_that_names_it(cells_of, name,
     seen = {}
     for moved in range(len(axes) + 1):  # from one end to the other, slider by slider
         values = last[:moved] + first[moved:]
-        text, image = IMAGE.fullmatch(draw(*values)).groups()
-        seen[text] = image
+        narrow, text, image = PICTURE.fullmatch(draw(*values)).groups()
+        seen[text] = narrow, image
         for value in values:
             assert re.search(rf"[ =]({value:g}|{value:.2g})\b", text), (value, text)
-    assert len(seen) == len(set(seen.values())) == len(axes) + 1
+    assert len(seen) == len(axes) + 1
+    for pictures in zip(*seen.values(), strict=True):
+        assert len(set(pictures)) == len(seen)

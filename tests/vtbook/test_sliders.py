@@ -78,7 +78,7 @@ def test_the_number_of_sources_is_a_slider_of_its_own(pictures):
 @pytest.mark.parametrize(
     ("lambda_", "psi", "gap", "means"),
     [
-        (1e-4, 0.5, Interval(0, -1, 1), "nothing that these runs could tell"),
+        (1e-4, 0.5, Interval(0, -1, 1), "no difference that these runs can show"),
         (1e-4, 0.5, Interval(2, 1, 3), "better here than the thesis' choice"),
         (1e-4, 0.5, Interval(-2, -3, -1), "held too close to its sources"),
         (1e-8, 0.5, Interval(-2, -3, -1), "let go of its sources too soon"),
