@@ -16,7 +16,7 @@ from vtlib.experiments.whole import check_runs, count_of, expected_seconds
 
 ROOT = results_folder()
 RESULTS = {f"{o.name}/{label}": (o, label) for o, label in results_behind(EXPERIMENTS.values())}
-HEADS, WHOLE_SECONDS, LONGEST = 3, 45, 30  # seconds by the clock of what is stored
+HEADS, WHOLE_SECONDS, LONGEST = 3, 10, 10  # seconds by the clock of what is stored
 # as those that nobody had looked at, and such as show what is lost: most were never rewarded
 FEW = {"mountain-car-sources-unchecked", "rooms-3-corner-sources"}
 
