@@ -1,5 +1,6 @@
 """What a small experiment comes to, which may be changed, and a cluster in this process."""
 
+import contextlib
 import shutil
 from functools import partial
 
@@ -23,18 +24,25 @@ def here(cluster):
         yield local.scheduler_address
 
 
-@pytest.fixture(scope="session", autouse=True)
-def two_at_a_time():
-    """Batches of two runs, so that three of them are cut."""
+@contextlib.contextmanager
+def in_twos():
+    """Batches of two runs, so that three of them are cut. Elsewhere there are ten."""
     with pytest.MonkeyPatch.context() as monkeypatch:
         monkeypatch.setattr(schedule, "BATCH", 2)
+        yield
+
+
+@pytest.fixture(scope="module", autouse=True)
+def two_at_a_time():
+    with in_twos():
         yield
 
 
 @pytest.fixture(scope="session")
 def computed(tiny, here, tmp_path_factory):
     root = tmp_path_factory.mktemp("computed")
-    schedule.complete([tiny], root, scheduler=here, quiet=True)
+    with in_twos():
+        schedule.complete([tiny], root, scheduler=here, quiet=True)
     return root
 
 

@@ -9,6 +9,7 @@ from vtbook.experiments.protocols import (
     Protocols,
     as_published,
     fine_tuning,
+    mixture_one_at_a_time,
     one_at_a_time,
     transfer,
 )
@@ -31,6 +32,7 @@ CARS = Pool(
 )
 GVT = Settings(family="gaussian", lambda_=1e-5, minibatch=500, alpha_L=1e-4)
 MGVT = evolve(GVT, family="mixture")
+THREE = evolve(as_published(MGVT), components=3)
 DDQN = DDQNSettings(epsilon_steps=int(0.15 * ITERATIONS), minibatch=32)
 
 _PUBLISHED = Experiment(
@@ -93,13 +95,16 @@ CAR_SOLVED = evolve(
 CAR_INGREDIENTS = evolve(
     CAR.published,
     name="mountain-car-ingredients",
-    algorithms=one_at_a_time(as_published(GVT), as_published(MGVT)),
+    algorithms={
+        **one_at_a_time(as_published(GVT), as_published(MGVT)),
+        **mixture_one_at_a_time(THREE),
+    },
     iterations=20_000,
 )
 CAR_LAST_REWARD = evolve(
     CAR.equations,
     name="mountain-car-last-reward",
-    algorithms={"GVT": as_published(GVT), "1-MGVT": as_published(MGVT)},
+    algorithms={"GVT": as_published(GVT), "1-MGVT": as_published(MGVT), "3-MGVT": THREE},
     iterations=20_000,
     each=True,
 )
