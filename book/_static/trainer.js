@@ -130,8 +130,9 @@
   /* Learning return over iterations: stored curves, and over them those of this run. */
   class Chart {
     constructor(svg, setup) {
-      const [left, right, top, bottom] = [34, 372, 22, 200], axes = svg.querySelector(".axes");
-      Object.assign(this, { svg, setup, top, bottom, marks: svg.querySelector(".marks") });
+      const [left, right, top, bottom] = [34, 372, 22, 200];
+      const [axes, old, marks] = [".axes", ".references", ".marks"].map((part) => svg.querySelector(part));
+      Object.assign(this, { svg, setup, top, bottom, marks });
       this.across = (t) => left + ((right - left) * t) / setup.iterations;
       this.down = (y) => bottom - ((bottom - top) * Math.min(1, Math.max(0, y))) / 0.9;
       for (const y of [0, 0.2, 0.4, 0.6, 0.8]) {
@@ -143,7 +144,7 @@
         draw(axes, "text", { x: this.across(t), y: bottom + 15, "text-anchor": anchor }, grouped(t));
       }
       for (const one of setup.references) {
-        const line = draw(svg.querySelector(".references"), "polyline", { style: `--own: ${one.colour}` });
+        const line = draw(old, "polyline", { class: one.family ?? "", style: `--own: ${one.colour}` });
         this.trace(line, one.iterations, one.values);
       }
     }
@@ -296,7 +297,7 @@
       const own = Object.entries(learning).map(([name, y]) => ({ name, label: `${LIVE[name]} ${measured(y)}` }));
       this.find(".legend").replaceChildren(...[...own, ...this.setup.references].map((one) => {
         const entry = document.createElement("li");
-        entry.className = one.name ?? "reference";
+        entry.className = one.name ?? `reference ${one.family ?? ""}`;
         entry.textContent = one.label;
         if (one.colour) entry.style.setProperty("--own", one.colour);
         return entry;

@@ -45,10 +45,15 @@ def mean_curves(runs: Mapping[str, Dataset], until: int) -> list[dict[str, Any]]
     ]
 
 
-def published_curve(label: str, curve: PublishedCurve, until: int) -> dict[str, Any]:
-    """The published curve of an algorithm up to an iteration, as ``train_here`` draws it."""
-    kept = curve.iterations <= until
-    return _reference(f"{label}, published", INK, curve.iterations[kept], curve.mean[kept])
+def published_curves(printed: Mapping[str, PublishedCurve], until: int) -> list[dict[str, Any]]:
+    """Those of GVT and 1-MGVT up to an iteration; a panel shows that of the family it trains."""
+    curves = []
+    for label in ("GVT", "1-MGVT"):
+        at, mean, *_ = printed[label]
+        kept = at <= until
+        one = _reference(f"{label}, published", INK, at[kept], mean[kept])
+        curves.append({**one, "family": label.removeprefix("1-")})
+    return curves
 
 
 def _reference(label: str, colour: str, at: np.ndarray, values: np.ndarray) -> dict[str, Any]:

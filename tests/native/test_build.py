@@ -6,6 +6,13 @@ import sys
 
 import pytest
 
+from vtlib import native
+
+
+def test_on_systems_for_which_none_are_compiled_there_are_no_kernels(monkeypatch):
+    monkeypatch.setattr("platform.system", lambda: "FreeBSD")
+    assert native.level.__wrapped__() is None
+
 
 @pytest.mark.parametrize(("what", "code"), [([], 0), (["page"], 1)])
 def test_without_a_compiler_one_line_says_what_follows(tmp_path, what, code):

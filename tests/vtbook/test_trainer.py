@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from vtbook import trainer
+from vtbook import published, trainer
 from vtbook.experiments.rooms import ROOMS_EVALUATION, ROOMS_EXPLORATION, ROOMS_LIKELIHOOD
 from vtbook.panels import STATIC, static
 from vtbook.pauses import pauses
@@ -153,6 +153,15 @@ def test_curves_are_means_over_stored_runs():
     (curve,) = trainer.mean_curves({"GVT": runs}, 1_000)
     assert curve["iterations"] == list(range(100, 1_001, 100))
     assert curve["values"] == pytest.approx(runs.learning[:, :10].mean("run").values, abs=1e-3)
+    printed = published.curves("rooms-evaluation", "learning")
+    for one, (label, family) in zip(
+        trainer.published_curves(printed, 1_000),
+        {"GVT": "GVT", "1-MGVT": "MGVT"}.items(),
+        strict=True,
+    ):
+        kept = printed[label].iterations <= 1_000
+        assert (one["family"], one["label"]) == (family, f"{label}, published")
+        assert one["values"] == pytest.approx(printed[label].mean[kept], abs=1e-3)
 
 
 def shows(panel, part, pattern):
@@ -227,13 +236,35 @@ def test_a_mixture_of_three_and_then_a_gaussian_train_once_a_door_has_moved(open
     components = panel.get_by_label("number of components")
     components.press("End")
     assert components.input_value() == "3"
-    for family in ("mixture (MGVT)", "Gaussian (GVT)"):
+    for family, label in {"mixture (MGVT)": "1-MGVT", "Gaussian (GVT)": "GVT"}.items():
         panel.get_by_label(family).check()
+        curves = panel.locator(".legend li", has_text="published").filter(visible=True)
+        assert curves.all_inner_texts() == [f"{label}, published"]
+        drawn = panel.locator(".references polyline").filter(visible=True)
+        assert drawn.count() == panel.locator(".legend .reference").filter(visible=True).count()
         shows(panel, ".says", "^Ready")
         panel.get_by_role("button", name="Run").click()
         shows(panel, ".iteration", "^(1,[5-9]|[2-4],)")
         panel.get_by_role("button", name="Pause").click()
         shows(panel, ".says", r"^Paused at [1-4],\d+: learning return \d\.\d\d;")
+
+
+SEEN = """shown => {
+  window.seen = [];
+  const look = () => window.seen.push(Number(shown.innerText.replace(",", "")));
+  new MutationObserver(look).observe(shown, { childList: true });
+}"""
+
+
+def test_where_motion_is_not_wanted_the_panel_moves_every_500_iterations_alone(opened, page):
+    page.emulate_media(reduced_motion="reduce")
+    panel = opened()
+    shows(panel, ".says", "^Ready")
+    panel.locator(".iteration").evaluate(SEEN)
+    panel.get_by_role("combobox").select_option(label="500 a second")
+    panel.get_by_role("button", name="Run").click()
+    shows(panel, ".iteration", "^1,[0-4]")
+    assert [t // 500 for t in page.evaluate("seen")] == [1, 2]
 
 
 def test_without_vector_instructions_the_panel_says_so(opened, page):

@@ -22,8 +22,9 @@ SYSTEMS = {"Linux": ("linux-gnu", "so"), "Darwin": ("macos", "dylib")}
 
 
 def library(level: str) -> Path:
-    """Where the kernels for processors of a level are, or will be."""
-    return LIBRARIES / f"kernel-{level}.{SYSTEMS[platform.system()][1]}"
+    """Where the kernels for processors of a level are, or will be; nowhere on other systems."""
+    _, suffix = SYSTEMS.get(platform.system(), ("", ""))
+    return LIBRARIES / f"kernel-{level}.{suffix}"
 
 
 def compile_kernels() -> list[Path]:
