@@ -104,7 +104,7 @@ CAR_INGREDIENTS = evolve(
 CAR_LAST_REWARD = evolve(
     CAR.equations,
     name="mountain-car-last-reward",
-    algorithms={"GVT": as_published(GVT), "1-MGVT": as_published(MGVT)},
+    algorithms={"GVT": as_published(GVT), "1-MGVT": as_published(MGVT), "3-MGVT": THREE},
     iterations=20_000,
     each=True,
 )
