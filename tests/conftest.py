@@ -34,6 +34,7 @@ BUILT = "VTLIB_BOOK_HTML"
 FIRST = "gw0"  # of the processes that share the tests; it starts the build
 LOG, STATUS, GROUP = (ROOT / "_build" / f"test-build.{x}" for x in ("log", "status", "group"))
 BUILD_LIMIT = 1800  # seconds
+PATIENCE = 180_000  # milliseconds that a page may take on a busy machine
 CORES = sorted(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else []
 CELL = re.compile(r"```\{code-cell\} python3\n(?:---\n(.*?)\n---\n)?(.*?)```", re.DOTALL)
 
@@ -205,6 +206,7 @@ def browser():
     if path is None:
         pytest.skip(f"no browser found (looked for {', '.join(BROWSERS)}): apt install chromium")
     sync_api = pytest.importorskip("playwright.sync_api")
+    keep_to(CORES)  # which a browser keeps for as long as it lives
     with sync_api.sync_playwright() as playwright:
         chromium = playwright.chromium.launch(executable_path=path)
         yield chromium
@@ -218,6 +220,7 @@ def watched(browser):
     @contextlib.contextmanager
     def opened():
         page = browser.new_page(viewport={"width": 1280, "height": 900})
+        page.set_default_timeout(PATIENCE)
         page.foreign, page.faults = [], []
 
         def refuse(route):

@@ -45,16 +45,16 @@ def lab(tmp_path):
 
 def test_both_panels_train_in_jupyterlab(lab, page):
     page.goto(lab)
-    page.get_by_text("| Idle").wait_for(timeout=60_000)
+    page.get_by_text("| Idle").wait_for()
     page.get_by_role("menuitem", name="Run", exact=True).click()
     page.get_by_text("Run All Cells", exact=True).click()
     panel = page.locator(".trainer")
-    panel.locator(".says", has_text="Ready").wait_for(timeout=90_000)
+    panel.locator(".says", has_text="Ready").wait_for()
     panel.locator(".door").first.press("ArrowRight")
     panel.get_by_role("button", name="Run", exact=True).click()
-    panel.locator(".says", has_text="Done").wait_for(timeout=60_000)
+    panel.locator(".says", has_text="Done").wait_for()
     told = [panel.locator(f".legend .{x}").inner_text().split()[-1] for x in ("transfer", "none")]
     assert float(told[0]) > float(told[1]) + 0.3
     page.locator(".jupyter-button", has_text="Run").click()
-    page.get_by_text("done at 200").wait_for(timeout=60_000)
+    page.get_by_text("done at 200").wait_for()
     assert not page.foreign
