@@ -1,6 +1,7 @@
 """Whole runs in C++ against the engine, number by number, and what the kernels leave to it."""
 
 import ctypes
+import threading
 
 import numpy as np
 import pytest
@@ -125,6 +126,28 @@ def test_progress_may_stop_runs_and_one_that_diverged_is_named():
     runs[1].mu[:] = np.nan
     with pytest.raises(Diverged, match="b diverged"):
         train_natively(*arguments)
+
+
+def test_as_many_runs_advance_at_once_as_torch_has_threads(monkeypatch):
+    together, advance = threading.Barrier(2, timeout=60), NativeRun.advance
+
+    def met(run, iterations):
+        together.wait()
+        advance(run, iterations)
+
+    monkeypatch.setattr(NativeRun, "advance", met)
+    before = torch.get_num_threads()
+    torch.set_num_threads(2)
+    try:
+        runs = [both(ROOMS, Settings(), run)[0] for run in (3, 4)]
+        found = train_natively(runs, lambda mu: mu.sum((1, 2)), 40, 20, ["a", "b"])
+    finally:
+        torch.set_num_threads(before)
+    monkeypatch.undo()
+    for run, mean in zip((3, 4), found.greedy[:, -1], strict=True):
+        alone = both(ROOMS, Settings(), run)[0]
+        alone.advance(40)
+        assert alone.mu.sum() == pytest.approx(mean, rel=1e-4)
 
 
 def test_what_the_kernels_do_not_know_is_left_to_the_engine(monkeypatch):

@@ -7,6 +7,7 @@ numbers are those of the engine's streams.
 
 import ctypes
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
@@ -228,21 +229,24 @@ def train_natively(
     names: list[str],
     progress: Callable[[int], bool] | None = None,
 ) -> Curves:
-    """As ``vtlib.training.train``; each run goes on alone from one record to the next."""
+    """As ``vtlib.training.train``; each run goes on alone from one record to the next.
+
+    As many run at once as torch has threads, for the kernels leave Python's lock to others.
+    """
     kept, learning, greedy, prints = [], [], [], []
     before, records = 0, range(every, iterations + 1, every)
-    for t in sorted({*records, *(f for f in FINGERPRINTS if f <= iterations)}):
-        for run in runs:
-            run.advance(t - before)
-        before = t
-        if t in FINGERPRINTS:
-            prints.append([run.fingerprint for run in runs])
-        if t in records:
-            mu = torch.from_numpy(np.stack([run.mu for run in runs]))
-            check_finite(mu, names, t)
-            kept.append(t)
-            learning.append([run.learning for run in runs])
-            greedy.append(evaluate(mu).numpy())
-            if progress is not None and not progress(t):
-                break
+    with ThreadPoolExecutor(torch.get_num_threads()) as threads:
+        for t in sorted({*records, *(f for f in FINGERPRINTS if f <= iterations)}):
+            list(threads.map(NativeRun.advance, runs, [t - before] * len(runs)))
+            before = t
+            if t in FINGERPRINTS:
+                prints.append([run.fingerprint for run in runs])
+            if t in records:
+                mu = torch.from_numpy(np.stack([run.mu for run in runs]))
+                check_finite(mu, names, t)
+                kept.append(t)
+                learning.append([run.learning for run in runs])
+                greedy.append(evaluate(mu).numpy())
+                if progress is not None and not progress(t):
+                    break
     return curves_of(len(runs), kept, learning, greedy, prints)
