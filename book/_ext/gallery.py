@@ -61,9 +61,9 @@ class Shown:
 
 
 def in_order(env: Any, docname: str) -> Iterator[str]:
-    """Pages of the book as the table of contents has them, without the first."""
+    """Pages of the book as the table of contents has them, from one of them on."""
+    yield docname
     for child in env.toctree_includes.get(docname, ()):
-        yield child
         yield from in_order(env, child)
 
 
@@ -85,12 +85,16 @@ def caption_of(figure: nodes.figure, numbers: dict[str, str]) -> str:
 
 
 def plain(text: str) -> str:
-    """Text with its formulas in letters: Greek ones by their names, digits lowered or raised."""
+    """Text with its formulas in letters: Greek ones by their names, digits lowered or raised.
+
+    Lowered words stay as ``_{word}``.
+    """
     text = re.sub(r"\^\{?(-?\d+)\}?", lambda found: found[1].translate(RAISED), text)
     text = re.sub(r"\beq-(\d)-(\d+)", r"equation (\1.\2)", text)
     text = re.sub(r"_\{?(\d)\}?", lambda found: chr(0x2080 + int(found[1])), text)
     text = re.sub(r"\\([a-z]+)", lambda found: GREEK.get(found[1], ""), text)
-    return re.sub(r"\\.|[_^{}]", "", text)
+    text = re.sub(r"_\{?([^\W_]+)\}?", r"_{\1}", text)
+    return re.sub(r"(_\{\w+\})|\\.|[_^{}]", r"\1", text)
 
 
 def first_picture(state: dict[str, Any], model: str) -> str:
@@ -152,10 +156,11 @@ def entry(app: Any, here: str, docname: str, shown: Shown) -> str:
     with Image.open(path) as picture:
         width, height = picture.size
     link = f"{app.builder.get_relative_uri(here, docname)}#{shown.target}"
+    caption = re.sub(r"_\{(\w+)\}", r"<sub>\1</sub>", escape(shown.caption))
     return (
         f'<li><a href="{link}"><img src="{"../" * here.count("/")}{file}" loading="lazy" '
         f'width="{width}" height="{height}" alt="{escape(shown.alt)}">'
-        f"<span>Figure {shown.number}: {escape(shown.caption)}</span></a></li>"
+        f"<span>Figure {shown.number}: {caption}</span></a></li>"
     )
 
 

@@ -67,9 +67,10 @@ class Claim:
     @property
     def bounds(self) -> str:
         """What the number has to keep, in words."""
+        low, high = (f"{x:g}".replace("-", "−") for x in (self.low, self.high))
         if np.isinf(self.high):
-            return f"at least {self.low:g}"
-        return f"at most {self.high:g}" if np.isinf(self.low) else f"{self.low:g} to {self.high:g}"
+            return f"at least {low}"
+        return f"at most {high}" if np.isinf(self.low) else f"{low} to {high}"
 
 
 @frozen(eq=False)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import html
+import re
 from collections.abc import Iterable, Mapping, Sequence
-from html import escape
 from typing import Any
 
 import attrs
@@ -15,6 +16,12 @@ from vtlib.experiments.experiment import Experiment
 from vtlib.stats import Interval
 
 Row = Sequence[str]
+
+
+def escape(text: str) -> str:
+    """Text for HTML, with printers' apostrophes, and names such as 1-MGVT kept in one line."""
+    said = html.escape(text).replace("&#x27;", "’")
+    return re.sub(r"\b\d-MGVT\b", r"<span class='whole'>\g<0></span>", said)
 
 
 def html_table(head: Row, rows: Iterable[Row], caption: str = "") -> str:
@@ -45,7 +52,8 @@ MET = (
 
 def claims_table(claims: Sequence[Claim]) -> str:
     """Claims with what decides about them: the number, its bounds, and both protocols' verdicts."""
-    return _claims(map(_claim_row, claims))
+    printed = any(x.printed is not None for x in claims)
+    return _claims([_claim_row(x, printed) for x in claims], printed)
 
 
 def scorecard_table(pages: Mapping[str, tuple[str, Sequence[Claim]]]) -> str:
@@ -58,15 +66,16 @@ def scorecard_table(pages: Mapping[str, tuple[str, Sequence[Claim]]]) -> str:
     return _claims(rows)
 
 
-def _claims(rows: Iterable[str]) -> str:
-    heads = ["Claim, and the number that decides", *PROTOCOLS.values(), "Published curve"]
+def _claims(rows: Iterable[str], printed: bool = True) -> str:
+    heads = ["Claim, and the number that decides", *PROTOCOLS.values()]
+    heads += ["Published curve"] * printed
     head = "".join(f"<th scope='col'>{x}</th>" for x in heads)
     body = f"<thead><tr>{head}</tr></thead><tbody>{''.join(rows)}</tbody>"
     caption = f"<caption>{MET}</caption>" if "<br>met at" in body else ""
     return f"<table class='claims'>{caption}{body}</table>"
 
 
-def _claim_row(claim: Claim) -> str:
+def _claim_row(claim: Claim, printed: bool = True) -> str:
     # The first word of the verdict is a class, by which the book colours its cell.
     cells = []
     for protocol in PROTOCOLS:
@@ -80,12 +89,14 @@ def _claim_row(claim: Claim) -> str:
             number += f"<br>met at {claim.met[protocol]:.0%}"
         style = f"verdict {verdict.split()[0]}"
         cells.append(f"<td class='{style}'>{head}{verdict}<br><small>{number}</small></td>")
-    printed = ""
     if claim.printed is not None:
-        printed = _on_phones("Published curve") + escape(_decisive(claim, claim.printed))
-    ours = " <em>(a claim of this book's)</em>" if claim.ours else ""
-    words = f"{escape(claim.text)}{ours}<br><small>{escape(claim.number)}: {claim.bounds}</small>"
-    return f"<tr><th scope='row'>{words}</th>{''.join(cells)}<td><small>{printed}</small></td></tr>"
+        number = _on_phones("Published curve") + escape(_decisive(claim, claim.printed))
+        cells.append(f"<td><small>{number}</small></td>")
+    elif printed:
+        cells.append("<td></td>")
+    ours = " <em>(a claim of this book’s)</em>" if claim.ours else ""
+    decides = f"<small>{escape(claim.number)}: {claim.bounds}</small>"
+    return f"<tr><th scope='row'>{escape(claim.text)}{ours}<br>{decides}</th>{''.join(cells)}</tr>"
 
 
 def _decisive(claim: Claim, number: Interval) -> str:

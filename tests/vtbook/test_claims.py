@@ -34,6 +34,7 @@ def test_a_claim_is_decided_by_where_its_whole_interval_lies(low, high, plain, s
     beyond = {"low": high < 0.2, "high": low > 0.8, "": False}[stronger]
     assert claim.verdict("published") == (STRONGER if beyond else plain)
     assert claim.bounds == "0.2 to 0.8"
+    assert Claim("", "", found, None, low=-0.15).bounds == "at least −0.15"
 
 
 def runs(learning, greedy=None, optimum=1.0, spread=1.0, floor=0.0):

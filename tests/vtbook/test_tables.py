@@ -11,16 +11,22 @@ from vtbook.costs import Cost
 from vtlib.stats import Interval
 
 HOSTILE = "<script>alert('&lt;\"')</script> & <b>"
+SHOWN = HOSTILE.replace("'", "’")
 
 
 def rows_of(html):
     """Text of every cell, row by row, the head first."""
-    shown = re.sub("<span class='head'>.*?</span>", "", html)
+    shown = re.sub("<span class='head'>.*?</span>|<span class='whole'>|</span>", "", html)
     rows = re.findall(r"<tr>(.*?)</tr>", shown)
     return [[unescape(x) for x in re.findall(r"<t[hd][^>]*>(.*?)</t[hd]>", row)] for row in rows]
 
 
 IN, OUT, ACROSS = Interval(0.5, 0.4, 0.6), Interval(1.5, 1.4, 1.6), Interval(0.95, 0.8, 1.1)
+
+
+def test_text_is_set_as_printers_do_and_names_are_kept_in_one_line():
+    said = "<b>3-MGVT's</b>", "&lt;b&gt;<span class='whole'>3-MGVT</span>’s&lt;/b&gt;"
+    assert tables.escape(said[0]) == said[1]
 
 
 def test_claims_are_told_with_what_decides_about_them():
@@ -38,16 +44,17 @@ def test_claims_are_told_with_what_decides_about_them():
     assert rooms == ["<a href='rooms.html#the-claims'>Rooms & all</a>"]
     assert maze == ["<a href='maze.html#the-claims'>Maze</a>"]
     assert first == [
-        f"{HOSTILE} holds.<br><small><it> & all: at most 1</small>",
+        f"{SHOWN} holds.<br><small><it> & all: at most 1</small>",
         f"{REPRODUCED}<br><small>0.50 (0.40 to 0.60)</small>",
         f"{NOT}<br><small>1.50 (1.40 to 1.60)<br>met at 57%</small>",
         "<small>0.95 (0.80 to 1.10)</small>",
     ]
     # what was not measured in a protocol, or never published, stays empty
     verdict = f"{UNDECIDED}<br><small>0.95 (0.80 to 1.10)</small>"
-    words = "Mine. <em>(a claim of this book's)</em><br><small>n: at least 0.9</small>"
-    assert second == [words, verdict, "", "<small></small>"]
+    words = "Mine. <em>(a claim of this book’s)</em><br><small>n: at least 0.9</small>"
+    assert second == [words, verdict, "", ""]
     assert "colspan='4'" in card
+    assert rows_of(tables.claims_table([mine])) == [head[:3], second[:3]]
     assert [plain.count(f"<span class='head'>{x}: </span>") for x in head[1:]] == [2, 1, 1]
     for html in (plain, card):
         assert not re.search("<script|<it", html)
