@@ -97,7 +97,8 @@ document.addEventListener("DOMContentLoaded", () => {
 /* Figures change light and dark in the dark theme; what calls a thing black or white says so there.
    On telephones panels stand below each other; captions that call them left and right say so there. */
 document.addEventListener("DOMContentLoaded", () => {
-  for (const source of document.querySelectorAll("figure picture source")) {
+  const panels = "figure picture source, figure script[type*=widget-view]";
+  for (const source of document.querySelectorAll(panels)) {
     const caption = source.closest("figure").querySelector("figcaption");
     const words = caption?.cloneNode(true);
     words?.querySelectorAll("em").forEach((name) => name.remove()); // of actions, such as left
