@@ -126,8 +126,13 @@ EXAMPLES = """() => {
   }
   for (const one of found.values()) one.setAttribute('data-example', '');
 }"""
-# the theme notes a while after the window, but not after a font, has changed what keys can scroll
-SETTLED = "document.fonts.ready.then(() => { dispatchEvent(new Event('resize')) })"
+# a while after the window or its column has changed the theme notes what can be scrolled by keys
+SETTLED = """new Promise(done => {
+  let timer;
+  const again = () => { clearTimeout(timer); timer = setTimeout(done, 1000); };
+  addEventListener('resize', again);
+  again();
+})"""
 WIDE = "[...document.querySelectorAll('pre')].filter(e => e.scrollWidth > e.clientWidth)"
 # colours fade over, and a busy machine takes its time; what is cut short, or hangs, counts as done
 FADED = """

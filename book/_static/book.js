@@ -108,3 +108,15 @@ document.addEventListener("DOMContentLoaded", () => {
     if (/\b(black|white)\b/.test(words.innerText)) words.classList.add("names-shades");
   }
 });
+
+/* The theme looks for what keys can scroll when the window changes: so does the column with a sidebar. */
+document.addEventListener("DOMContentLoaded", () => {
+  const column = document.querySelector(".bd-article");
+  let before = column?.clientWidth;
+  const look = new ResizeObserver(() => {
+    if (column.clientWidth === before) return;
+    before = column.clientWidth;
+    window.dispatchEvent(new Event("resize"));
+  });
+  if (column) look.observe(column);
+});
