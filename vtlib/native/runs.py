@@ -6,8 +6,9 @@ numbers are those of the engine's streams.
 """
 
 import ctypes
+import itertools
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
@@ -19,7 +20,7 @@ from vtlib.envs.base import TaskFamily, Tasks
 from vtlib.native import kernels
 from vtlib.posteriors.dense import start_factors
 from vtlib.rng import generator
-from vtlib.training import FINGERPRINTS, Curves, check_finite, curves_of
+from vtlib.training import FINGERPRINTS, Curves, check_finite, curves_of, one_thread
 from vtlib.transfer import Settings
 
 LEARNER, GAUSSIAN, MIXTURE = range(3)
@@ -221,6 +222,20 @@ class NativeRun:
         return np.array([*sums, sum(self._head.observation), self.learning])
 
 
+def _advance(
+    threads: ThreadPoolExecutor, runs: Sequence[NativeRun], iterations: int
+) -> list[Future[None]]:
+    """So many iterations of each run, in two parts, which few threads share more evenly."""
+    half = iterations // 2
+    begun = [threads.submit(run.advance, half) for run in runs]
+
+    def rest(run: NativeRun, first: Future[None]) -> None:
+        first.result()
+        run.advance(iterations - half)
+
+    return [threads.submit(rest, *each) for each in zip(runs, begun, strict=True)]
+
+
 def train_natively(
     runs: Sequence[NativeRun],
     evaluate: Callable[[Tensor], Tensor],
@@ -231,22 +246,32 @@ def train_natively(
 ) -> Curves:
     """As ``vtlib.training.train``; each run goes on alone from one record to the next.
 
-    As many run at once as torch has threads, for the kernels leave Python's lock to others.
+    As many run at once as torch has threads, for the kernels leave Python's lock to others, and
+    go on while they are evaluated.
     """
     kept, learning, greedy, prints = [], [], [], []
-    before, records = 0, range(every, iterations + 1, every)
-    with ThreadPoolExecutor(torch.get_num_threads()) as threads:
-        for t in sorted({*records, *(f for f in FINGERPRINTS if f <= iterations)}):
-            list(threads.map(NativeRun.advance, runs, [t - before] * len(runs)))
-            before = t
+    records = range(every, iterations + 1, every)
+    times = sorted({*records, *(f for f in FINGERPRINTS if f <= iterations)})
+    threads = ThreadPoolExecutor(torch.get_num_threads())
+    try:
+        under_way = _advance(threads, runs, times[0])
+        for t, later in itertools.zip_longest(times, times[1:]):
+            for one in under_way:
+                one.result()
+            mu = torch.from_numpy(np.stack([run.mu for run in runs]))
             if t in FINGERPRINTS:
                 prints.append([run.fingerprint for run in runs])
             if t in records:
-                mu = torch.from_numpy(np.stack([run.mu for run in runs]))
                 check_finite(mu, names, t)
                 kept.append(t)
                 learning.append([run.learning for run in runs])
-                greedy.append(evaluate(mu).numpy())
+            if later is not None:
+                under_way = _advance(threads, runs, later - t)
+            if t in records:
+                with one_thread():  # others have no core to themselves, and would be waited for
+                    greedy.append(evaluate(mu).numpy())
                 if progress is not None and not progress(t):
                     break
+    finally:
+        threads.shutdown(cancel_futures=True)
     return curves_of(len(runs), kept, learning, greedy, prints)
