@@ -19,6 +19,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 from matplotlib.legend import Legend
+from matplotlib.patheffects import withStroke
 from matplotlib.text import Text
 from matplotlib.typing import LineStyleType
 from PIL import Image
@@ -57,6 +58,7 @@ STYLES: dict[str, LineStyleType] = {
     "fine-tuned mean": (0, (8, 2)),
     "recommended": (0, (12, 1)),
 }
+HALO = withStroke(linewidth=2.5, foreground="white")  # around a text that stands among curves
 MOST_LINES = 300_000  # characters of a figure for print that is lines and letters
 STYLE: dict[Any, Any] = {  # by matplotlib's names of its settings
     "figure.facecolor": "white",
@@ -251,7 +253,9 @@ def _mark_arrival(ax: Axes, at: np.ndarray, values: np.ndarray, floor: float, co
     if 0 < half < len(at):
         ax.plot(at[half], 0.03, "^", color=colour, transform=ax.get_xaxis_transform(), zorder=5)
         where, base = (at[half], 0.03), ax.get_xaxis_transform()
-        ax.annotate("half arrived", where, (6, -3), base, "offset points", size=8)
+        # over curves, which would cross it out, and above the line of zero
+        said = ax.annotate("half arrived", where, (7, 1), base, "offset points", size=8, zorder=5)
+        said.set_path_effects([HALO])
 
 
 def over_published(
