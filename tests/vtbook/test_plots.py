@@ -126,6 +126,8 @@ def test_runs_are_drawn_over_the_published_curves():
         alone = stored.learning.values.tolist() if kind == "learning" else []
         assert [x.get_ydata().tolist() for x in single] == alone
         np.testing.assert_array_equal(black.get_data(), [theirs.iterations, theirs.mean])
+        # not told by colour alone: NT is grey, too
+        assert (black.get_linestyle(), mean.get_linestyle()) == ("--", "-")
         np.testing.assert_allclose(mean.get_ydata(), stored[kind].values.mean(0))
         assert set(dashed.get_ydata()) == {0.75}
         grey, own = shades(ax)
