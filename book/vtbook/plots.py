@@ -60,7 +60,7 @@ STYLES: dict[str, LineStyleType] = {
     "fine-tuned mean": (0, (8, 2)),
     "recommended": (0, (12, 1)),
 }
-HALO = withStroke(linewidth=2.5, foreground="white")  # around a text that stands among curves
+HALO = withStroke(linewidth=2, foreground="white")  # around a text that stands among curves
 MOST_LINES = 300_000  # characters of a figure for print that is lines and letters
 STYLE: dict[Any, Any] = {  # by matplotlib's names of its settings
     "figure.facecolor": "white",
@@ -255,8 +255,8 @@ def _mark_arrival(ax: Axes, at: np.ndarray, values: np.ndarray, floor: float, co
     if 0 < half < len(at):
         ax.plot(at[half], 0.03, "^", color=colour, transform=ax.get_xaxis_transform(), zorder=5)
         where, base = (at[half], 0.03), ax.get_xaxis_transform()
-        # over curves, which would cross it out, and above the line of zero
-        said = ax.annotate("half arrived", where, (7, 1), base, "offset points", size=8, zorder=5)
+        # over curves of runs, which would cross it out, and above means that stay at nothing
+        said = ax.annotate("half arrived", where, (7, 3), base, "offset points", size=8, zorder=5)
         said.set_path_effects([HALO])
 
 
