@@ -30,7 +30,7 @@ from vtbook.phones import narrow, panels_of
 from vtbook.published import PublishedCurve
 from vtlib.stats import mean_interval
 
-# Okabe and Ito's palette, told apart with any colour vision.
+# After Okabe and Ito: told apart with any colour vision, and seen on light pages and dark ones.
 COLOURS = {
     "NT": "#6b6b6b",
     "DDQN": "#332288",
@@ -39,8 +39,8 @@ COLOURS = {
     "2-MGVT": "#CC79A7",
     "3-MGVT": "#009E73",
     "fine-tuned": "#6c4824",
-    "fine-tuned, greedy": "#E69F00",
-    "fine-tuned mean": "#56B4E9",
+    "fine-tuned, greedy": "#94793a",
+    "fine-tuned mean": "#165269",
     "recommended": "#8200d8",
 }
 PUBLISHED = "#8a8a8a"  # a published curve's band

@@ -28,13 +28,28 @@ VISION = {
 TO_XYZ = np.array([[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]])
 # In CIELAB units, of which 2.3 are just seen: the least pair, NT and 3-MGVT, has 14.
 TOLD_APART = 12
+# What book.css makes of figures in the dark theme: invert(0.9), and hues turned by half a circle.
+HALF_TURN = 2 * np.array([0.213, 0.715, 0.072]) - np.eye(3)
+
+
+def linear(colour):
+    rgb = np.array(to_rgb(colour))
+    return np.where(rgb <= 0.04045, rgb / 12.92, ((rgb + 0.055) / 1.055) ** 2.4)
+
+
+def contrast(a, b):
+    """How much lighter one of two colours is than the other, after WCAG."""
+    darker, lighter = sorted(0.05 + TO_XYZ[1] @ linear(x) for x in (a, b))
+    return lighter / darker
+
+
+def in_the_dark(colour):
+    return tuple(np.clip(HALF_TURN @ (0.9 - 0.8 * np.array(to_rgb(colour))), 0, 1))
 
 
 def seen(colour, vision):
     """CIELAB coordinates of a colour as an eye of that vision sees it."""
-    rgb = np.array(to_rgb(colour))
-    linear = np.where(rgb <= 0.04045, rgb / 12.92, ((rgb + 0.055) / 1.055) ** 2.4)
-    xyz = TO_XYZ @ np.clip(np.array(VISION[vision]) @ linear, 0, 1) / TO_XYZ.sum(1)
+    xyz = TO_XYZ @ np.clip(np.array(VISION[vision]) @ linear(colour), 0, 1) / TO_XYZ.sum(1)
     f = np.where(xyz > 216 / 24389, np.cbrt(xyz), (24389 / 27 * xyz + 16) / 116)
     return np.array([116 * f[1] - 16, 500 * (f[0] - f[1]), 200 * (f[1] - f[2])])
 
@@ -54,6 +69,12 @@ def test_any_two_algorithms_are_told_apart_and_seen_on_white(vision):
         assert np.linalg.norm(seen(colour, vision) - seen("white", vision)) > 30, colour
     # nor by colour alone
     assert len({STYLES.get(algorithm, "-") for algorithm in COLOURS}) == len(COLOURS)
+
+
+def test_every_algorithm_is_seen_on_light_and_dark_pages():
+    for label, colour in COLOURS.items():
+        assert contrast(colour, "white") > 3, label
+        assert contrast(in_the_dark(colour), in_the_dark("white")) > 3.9, label
 
 
 def shades(ax):
