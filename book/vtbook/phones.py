@@ -18,7 +18,7 @@ SMALLEST = 9.5  # points
 LOWEST, TALLEST = {1: 2.1, 2: 1.5, 3: 1.5}, 2.3  # inches, of curves with what is around them
 ROWS, OF_ROW = 12, 0.17  # more names beside a panel than these make it taller, by inches each
 BESIDE = 24  # letters in a line of a label, and half of them below a panel with so many names
-LETTERS = {1: 46, 2: 15, 3: 14, 4: 8, 5: 6}  # in the title of a panel, by the columns
+LETTERS = {1: 46, 2: 15, 3: 13, 4: 8, 5: 6}  # in the title of a panel, by the columns
 MANY = {True: (8,), False: (4, 8)}  # panels of curves, or maps: more have twice the columns
 Panels = dict[Axes, SubplotSpec]
 Change = Callable[[Callable[[Any], Any], Any, Any], None]
@@ -85,7 +85,6 @@ def _beside(panels: Panels, ax: Axes) -> tuple[list[Axes], list[Axes]]:
 
 def _share(panels: Panels, change: Change) -> None:
     """Say at each panel what it leaves to a neighbour: its title, and labels of curves' axes."""
-    titles = {}
     for ax in panels:
         column, row = _beside(panels, ax)
         shared = [
@@ -100,12 +99,22 @@ def _share(panels: Panels, change: Change) -> None:
                     lambda axis, side, on: axis.set_tick_params(**{side: on}), axis, side
                 )
                 change(show, axis.get_tick_params().get(side, True), True)
-                told = [getattr(one, f"get_{letter}label")() for one in [ax, *near]]
-                label = textwrap.fill(next(filter(None, told), ""), BESIDE)
-                change(axis.set_label_text, told[0], label)
-        titles[ax] = [one.get_title("left") for one in [ax, *column]]
-    for ax, words in titles.items():
-        change(ax.set_title, words[0], next(filter(None, words), ""))
+                labels = [getattr(one, f"{letter}axis").label for one in (ax, *near)]
+                words = _repeat(labels, change)
+                change(labels[0].set_text, words, textwrap.fill(words, BESIDE))
+        _repeat([_title(one) for one in (ax, *column)], change)
+
+
+def _title(ax: Axes) -> Text:
+    return ax.set_title(ax.get_title("left"), loc="left")
+
+
+def _repeat(texts: list[Text], change: Change) -> str:
+    """Let the first of some texts say what any of them does, in the same colour."""
+    own, told = texts[0], next(filter(Text.get_text, texts), texts[0])
+    change(own.set_text, own.get_text(), told.get_text())
+    change(own.set_color, own.get_color(), told.get_color())
+    return told.get_text()
 
 
 def _entitle(ax: Axes, letters: int, change: Change) -> None:

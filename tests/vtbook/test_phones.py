@@ -13,7 +13,7 @@ def drawn(rows, columns):
     figure = BookFigure(figsize=(7.6, 3.5))
     axes = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
     for column, ax in enumerate(axes[0]):
-        ax.set_title(f"no. {column}")
+        ax.set_title(f"no. {column}", color=f"C{column}")
         ax.plot([0, column], label="a line", lw=1)
     for row, ax in enumerate(axes[:, 0]):
         ax.set_ylabel(f"row {row}", fontsize=6)
@@ -31,6 +31,9 @@ def test_panels_stand_below_each_other_and_say_what_they_shared():
             boxes = [ax.get_position() for ax in axes.flat]
             assert all(a.y0 > b.y1 for a, b in itertools.pairwise(boxes))
             assert axes[1, 2].get_title("left") == "no. 2"
+            # a title's colour stays with its words
+            (title,) = (x for x in axes[1, 2].findobj(Text) if x.get_text() == "no. 2")
+            assert title.get_color() == "C2"
             assert axes[1, 2].get_ylabel() == "row 1"
             assert axes[1, 0].get_xlabel() == "time"
             assert axes[0, 1].yaxis.get_tick_params()["labelleft"]
