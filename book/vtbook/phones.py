@@ -128,7 +128,9 @@ def _entitle(ax: Axes, letters: int, change: Change) -> None:
 
 
 def _names(ax: Axes) -> int:
-    return len(ax.get_yticks())
+    """The lines of the names beside a panel, with one to keep longer names apart."""
+    lines = (1 + one.get_text().count("\n") for one in ax.get_yticklabels())
+    return sum(n + (n > 1) for n in lines)
 
 
 def _write(figure: Figure, change: Change) -> int:
