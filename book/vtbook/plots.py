@@ -177,7 +177,7 @@ def draw_ends(ax: Axes, curves: list[Curve]) -> None:
         at = np.full(len(one.returns), last * (1 + 0.03 * place))
         ax.plot(at, one.returns[:, -1], ".", color=one.colour, alpha=0.5, **dot)
     ax.set_xlim(0, last * (1 + 0.03 * (len(curves) + 1)))
-    ax.xaxis.set_major_formatter(lambda x, _: f"{x / 1000:g}" if x <= last else "")
+    ax.set_xticks([x for x in ax.get_xticks() if x <= last])
 
 
 def learning_figure(
@@ -310,7 +310,7 @@ def intervals_figure(
             first = next(iter(group.values()))
             ax.axvline(first.mean(), color=colours[name], lw=0.8, ls=":")
             ax.set_yticks(range(len(group)), [_spelled(x) for x in group])
-            ax.invert_yaxis()
+            ax.set_ylim(len(group) - 0.4, -0.4)  # the last runs clear of the axis
             ax.set_title(name)
             ax.set_xlabel(xlabel)
         return figure

@@ -101,7 +101,8 @@ def test_a_figure_draws_each_kind_of_return_with_its_band_and_the_optimum_dashed
         assert 0 < shade.get_facecolor()[0, 3] < 0.5
         assert spans(shade, at, band.low, band.high)
         assert (dashed.get_linestyle(), set(dashed.get_ydata())) == ("--", {0.75})
-        assert [ax.xaxis.get_major_formatter()(x, 0) for x in (500, 2500)] == ["0.5", ""]
+        assert ax.xaxis.get_major_formatter()(500, 0) == "0.5"
+        assert max(ax.get_xticks()) == 1000
         # what every run ends with, beyond the curves and nearer than the edge
         np.testing.assert_array_equal(dots.get_ydata(), stored[kind].values[:, -1])
         assert to_hex(dots.get_color()) == COLOURS["NT"]
@@ -169,7 +170,9 @@ def test_intervals_stand_below_each_other_and_beside_the_first_with_every_run():
     for ax, (label, group) in zip(figure.axes, groups.items(), strict=True):
         assert (ax.get_title(loc="left"), ax.get_xlabel()) == (label, "share")
         assert [x.get_text() for x in ax.get_yticklabels()] == list(group)
-        assert ax.yaxis_inverted()
+        low, high = ax.get_ylim()
+        assert low > len(group) - 0.6  # below the last runs
+        assert high < 0
         *drawn, mark = ax.get_lines()
         runs, spans, dots = ([x.get_xydata().tolist() for x in drawn[i::3]] for i in range(3))
         assert [[x for x, _ in one] for one in runs] == [x.tolist() for x in group.values()]
