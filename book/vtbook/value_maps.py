@@ -10,6 +10,7 @@ from attrs import frozen
 from matplotlib.axes import Axes
 from matplotlib.colors import Normalize
 from matplotlib.image import AxesImage
+from matplotlib.patheffects import withStroke
 from torch import Tensor
 
 from vtbook.plots import BookFigure, figure_html, look
@@ -74,7 +75,9 @@ def draw_map(ax: Axes, one: ValueMap) -> AxesImage:
     borders = np.arange(actions.max()) + 0.5
     if len(borders):
         across, up = np.linspace(left, right, NODES), np.linspace(low, high, NODES)
-        ax.contour(across, up, actions, borders, colors="white", linewidths=1)
+        lines = ax.contour(across, up, actions, borders, colors="white", linewidths=1)
+        # seen on light values, too, which dark pages show as dark ones
+        lines.set_path_effects([withStroke(linewidth=2.2, foreground="black")])
     ax.plot(*(one.path / plane.units).T, ".-", color=PATH, ms=3, lw=0.8)
     ax.set(xlim=(left, right), ylim=(low, high), xlabel=plane.labels[0], ylabel=plane.labels[1])
     ax.label_outer()
