@@ -102,7 +102,8 @@ def _share(panels: Panels, change: Change) -> None:
                 labels = [getattr(one, f"{letter}axis").label for one in (ax, *near)]
                 words = _repeat(labels, change)
                 change(labels[0].set_text, words, textwrap.fill(words, BESIDE))
-        _repeat([_title(one) for one in (ax, *column)], change)
+        above = [x for x in column if panels[x].rowspan.start < panels[ax].rowspan.start]
+        _repeat([_title(x) for x in (ax, *above)], change)
 
 
 def _title(ax: Axes) -> Text:

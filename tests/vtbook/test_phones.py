@@ -25,12 +25,15 @@ def drawn(rows, columns):
 def test_panels_stand_below_each_other_and_say_what_they_shared():
     with look():
         figure, axes = drawn(2, 3)
+        axes[0, 0].set_title("")
+        axes[1, 0].set_title("below")
         with narrow(figure):
             figure.draw_without_rendering()
             assert figure.get_size_inches()[0] == WIDTH
             boxes = [ax.get_position() for ax in axes.flat]
             assert all(a.y0 > b.y1 for a, b in itertools.pairwise(boxes))
             assert axes[1, 2].get_title("left") == "no. 2"
+            assert axes[0, 0].get_title("left") == ""  # and none from below
             # a title's colour stays with its words
             (title,) = (x for x in axes[1, 2].findobj(Text) if x.get_text() == "no. 2")
             assert title.get_color() == "C2"
