@@ -102,7 +102,7 @@ document.addEventListener("DOMContentLoaded", () => {
     const caption = source.closest("figure").querySelector("figcaption");
     const words = caption?.cloneNode(true);
     words?.querySelectorAll("em").forEach((name) => name.remove()); // of actions, such as left
-    if (/\b(left|right)\b/i.test(words?.textContent)) caption.classList.add("names-sides");
+    if (/\b(left|(?<!farther )right(?! is\b))\b/i.test(words?.textContent)) caption.classList.add("names-sides");
   }
   for (const words of document.querySelectorAll("figcaption, .bd-article section > p")) {
     if (/\b(black|white)\b/.test(words.innerText)) words.classList.add("names-shades");
