@@ -222,20 +222,6 @@ class NativeRun:
         return np.array([*sums, sum(self._head.observation), self.learning])
 
 
-def _advance(
-    threads: ThreadPoolExecutor, runs: Sequence[NativeRun], iterations: int
-) -> list[Future[None]]:
-    """So many iterations of each run, in two parts, which few threads share more evenly."""
-    half = iterations // 2
-    begun = [threads.submit(run.advance, half) for run in runs]
-
-    def rest(run: NativeRun, first: Future[None]) -> None:
-        first.result()
-        run.advance(iterations - half)
-
-    return [threads.submit(rest, *each) for each in zip(runs, begun, strict=True)]
-
-
 def train_natively(
     runs: Sequence[NativeRun],
     evaluate: Callable[[Tensor], Tensor],
@@ -253,20 +239,24 @@ def train_natively(
     records = range(every, iterations + 1, every)
     times = sorted({*records, *(f for f in FINGERPRINTS if f <= iterations)})
     threads = ThreadPoolExecutor(torch.get_num_threads())
+
+    def advance(count: int) -> list[Future[None]]:
+        return [threads.submit(run.advance, count) for run in runs]
+
     try:
-        under_way = _advance(threads, runs, times[0])
+        under_way = advance(times[0])
         for t, later in itertools.zip_longest(times, times[1:]):
             for one in under_way:
                 one.result()
-            mu = torch.from_numpy(np.stack([run.mu for run in runs]))
             if t in FINGERPRINTS:
                 prints.append([run.fingerprint for run in runs])
             if t in records:
+                mu = torch.from_numpy(np.stack([run.mu for run in runs]))
                 check_finite(mu, names, t)
                 kept.append(t)
                 learning.append([run.learning for run in runs])
             if later is not None:
-                under_way = _advance(threads, runs, later - t)
+                under_way = advance(later - t)
             if t in records:
                 with one_thread():  # others have no core to themselves, and would be waited for
                     greedy.append(evaluate(mu).numpy())
