@@ -130,6 +130,15 @@ MAZE_STOPS = evolve(
     iterations=EARLY,
 )
 MAZE_SLIDERS = sliders_of(MAZE_TARGETS[MAIN].published, "maze-sliders", runs=5, iterations=5_000)
+# The same to the end of learning, as far as it is computed; once it is whole, the sliders show it.
+MAZE_8_SLIDERS = sliders_of(
+    MAZE_TARGETS[MAIN].published,
+    "maze-8-sliders",
+    runs=5,
+    iterations=ITERATIONS,
+    lambdas=(1e-8, 1e-7, 1e-6),
+    posteriors=("GVT", "1-MGVT"),
+)
 
 EXPERIMENTS = (
     *(x for n in TARGETS for x in (MAZE_TARGETS[n].published, MAZE_NOTHING[n])),
@@ -141,4 +150,5 @@ EXPERIMENTS = (
     MAZE_SOLVED,
     MAZE_STOPS,
     MAZE_SLIDERS,
+    MAZE_8_SLIDERS,
 )
