@@ -144,6 +144,13 @@ def test_a_scheduler_that_is_not_there_is_named(tiny, tmp_path, monkeypatch):
         schedule.complete([tiny], tmp_path, scheduler="tcp://127.0.0.1:9", quiet=True)
 
 
+def test_memory_is_not_given_back_to_the_system_again_and_again(tiny, monkeypatch):
+    monkeypatch.delenv("MALLOC_TRIM_THRESHOLD_", raising=False)
+    bar = schedule.Progress(units_of(tiny), "tiny", quiet=True)
+    with schedule._cluster(1, None, bar) as client:
+        assert set(client.run(os.getenv, "MALLOC_TRIM_THRESHOLD_").values()) == {None}
+
+
 def test_a_worker_that_dies_loses_nothing_and_others_versions_are_refused(
     tiny, computed, cluster, tmp_path, monkeypatch
 ):

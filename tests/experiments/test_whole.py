@@ -149,7 +149,8 @@ def test_members_that_are_not_there_are_refused(tiny, computed, member):
 def compared(machine="this one", processor="another", reward=1, **changes) -> Whole:
     """A stored result of the rooms, and one run of it anew, which changes say to be otherwise."""
     arrays = store.stored(ROOMS, "NT")[0] | {"visited": np.zeros((20, ROOMS.iterations, 2))}
-    arrays["learning"] = arrays["learning"] + reward  # none of its own in run 7
+    rising = np.linspace(0, reward, len(arrays["iterations"]))
+    arrays["learning"] = arrays["learning"] + rising  # none of its own in run 7
     anew = {k: v if k == "iterations" else v[[7]].copy() for k, v in arrays.items()}
     for key, places in changes.items():
         anew[key][0][places] += 0.1
@@ -163,10 +164,13 @@ def compared(machine="this one", processor="another", reward=1, **changes) -> Wh
         ({"learning": slice(50, None)}, 5_099),
         ({"learning": slice(50, None), "greedy": slice(40, None)}, 4_099),
         ({"learning": [-1]}, 19_999),
-        ({"greedy": [3]}, 399),
+        ({"greedy": [0]}, 99),
+        ({"greedy": [0], "learning": slice(50, None)}, 99),
         ({"visited": slice(-60, None)}, 19_940),
         ({"fingerprints": slice(1, None), "learning": slice(0, None)}, 48),
         ({"fingerprints": slice(1, None), "greedy": slice(40, None), "reward": 0}, 48),
+        ({"greedy": slice(40, None), "reward": 0}, 4_099),
+        ({"greedy": slice(0, None), "reward": 0}, None),
         # for another reason
         ({"greedy": [3, 4, 9]}, None),
         ({"fingerprints": slice(1, None), "greedy": slice(40, None)}, None),
@@ -203,6 +207,16 @@ def test_the_wider_kernels_excuse_nothing_on_any_processor(monkeypatch):
         assert not whole._rounds_otherwise(ROOMS, "tasks", note, here)
         found = whole._rounds_otherwise(ROOMS, "1-MGVT", note, here)
         assert found == (level == "baseline")
+
+
+def test_a_tie_in_what_torch_evaluates_excuses_nothing_that_kernels_learn(monkeypatch):
+    monkeypatch.setattr(native, "level", lambda: "x86_64_v4")
+    assert compared(greedy=[3]).parted == {7: 399}
+    for more in ({}, {"learning": slice(50, None)}, {"fingerprints": slice(1, None)}):
+        places = [3] if more else [3, 4, 9]
+        assert list(compared(greedy=places, **more).wrong) == [7]
+    for known in ({"processor": "this one"}, {"machine": {"is": None}}):
+        assert list(compared(greedy=[3], **known).wrong) == [7]
 
 
 def test_where_no_kernels_are_compiled_torch_rounds_otherwise_on_the_same_processor(monkeypatch):

@@ -164,12 +164,14 @@ def compare_runs(
     machine: Mapping[str, str] | None = None,
 ) -> Whole:
     """A stored result beside arrays of some of its members, computed anew, here or on a machine."""
-    arrays, note = stored
-    rounds = _rounds_otherwise(owner, label, note, machine or store.machine())
+    (arrays, note), machine = stored, machine or store.machine()
+    rounds = _rounds_otherwise(owner, label, note, machine)
     found = Whole([], {}, {})
     for row, member in enumerate(members):
         differs = differences(arrays, computed, member, row, count_of(owner))
-        until = _parted(owner, member, arrays, differs) if rounds and differs else None
+        # what kernels learn torch evaluates, which rounds by the processor
+        may_part = rounds or (_only_ties(differs) and _elsewhere(note, machine))
+        until = _parted(owner, member, arrays, differs) if differs and may_part else None
         if not differs:
             found.alike.append(member)
         elif until is None:
@@ -183,10 +185,10 @@ def _rounds_otherwise(
     owner: Pool | Experiment, label: str, note: store.Note, machine: Mapping[str, str]
 ) -> bool:
     """Whether a machine may round otherwise than that on which a result was computed."""
-    there = note.get("machine")
-    if label == TASKS or not isinstance(there, dict) or there.get("processor") is None:
+    elsewhere = _elsewhere(note, machine)
+    if label == TASKS or elsewhere is None:
         return False
-    if all(there.get(part) == machine.get(part) for part in ("processor", "device")):
+    if not elsewhere:
         # what kernels computed, torch computes where none are compiled
         return native.level() is None and "device" not in machine and _has_kernel(owner)
     if "device" in machine or isinstance(owner, Pool) or not by_kernels(owner, label):
@@ -194,6 +196,14 @@ def _rounds_otherwise(
     # kernels that fuse products and sums round alike, but a Gaussian's first factor is LAPACK's
     gaussian = getattr(owner.algorithms[label], "family", None) == "gaussian"
     return gaussian or native.level() in (None, "baseline")
+
+
+def _elsewhere(note: store.Note, machine: Mapping[str, str]) -> bool | None:
+    """Whether a result was computed on another processor or device; None if it does not say."""
+    there = note.get("machine")
+    if not isinstance(there, dict) or there.get("processor") is None:
+        return None
+    return any(there.get(part) != machine.get(part) for part in ("processor", "device"))
 
 
 def _has_kernel(owner: Pool | Experiment) -> bool:
@@ -243,6 +253,11 @@ def _iteration(
     return int(place[0]) + 1 if length == (recorded[-1],) else 0
 
 
+def _only_ties(differs: Sequence[Difference]) -> bool:
+    """Whether nothing but evaluations differ, and so few that rounding decided between actions."""
+    return all(x.key == "greedy" and x.places <= TIES for x in differs)
+
+
 def _parted(
     owner: Pool | Experiment, member: int, stored: store.Arrays, differs: Sequence[Difference]
 ) -> int | None:
@@ -264,12 +279,17 @@ def _parted(
         check: Any = by_key.get("greedy")
         tie = check and abs(check.stored - check.anew) * owner.episodes <= TIES * given[1][0]
         return known if same and ("weights" in by_key or (tie and len(by_key) == 1)) else None
-    if any(not x.iteration for x in differs) or (first <= FINGERPRINTS[-1] and not prints):
+    if _only_ties(differs):
+        return first - 1
+    learning = by_key.get("learning")
+    begins = learning.iteration if learning else first  # a tie may come before
+    if any(not x.iteration for x in differs) or (begins <= FINGERPRINTS[-1] and not prints):
         return None
-    learning, greedy = by_key.get("learning"), by_key.get("greedy")
     if learning is None:  # nothing follows from an evaluation, nor from where the last steps led
         late = by_key.keys() == {"visited"} and first > owner.iterations - 2 * owner.every
-        silent = prints and not stored["learning"][member].any()  # without reward it shows nothing
-        return first - 1 if late or silent or (greedy and greedy.places <= TIES) else None
+        # returns that stay the same, as where the goal is never reached, show nothing
+        rest = stored["learning"][member][stored["iterations"] >= first]
+        silent = np.allclose(rest, rest[-1], RELATIVE, ABSOLUTE)
+        return first - 1 if late or silent else None
     last = first > owner.iterations - owner.every
     return first - 1 if last or learning.places > 1 else None
