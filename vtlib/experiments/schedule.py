@@ -275,7 +275,7 @@ def _cluster(jobs: int | None, scheduler: str | None, progress: Progress) -> Ite
         if scheduler is not None:
             client = stack.enter_context(Client(scheduler, timeout=10, set_as_default=False))
         else:
-            # Dask has the C library give back memory at once, which takes up to a third of the time
+            # Dask has the C library give back memory at once: up to a quarter of the time
             ours = {k: v for k, v in dask.config.get(ENVIRONMENT).items() if "MALLOC" not in k}
             with for_this_process_alone(), dask.config.set({ENVIRONMENT: ours}):
                 local = LocalCluster(
