@@ -41,7 +41,7 @@ COLOURS = {
     "fine-tuned": "#6c4824",
     "fine-tuned, greedy": "#94793a",
     "fine-tuned mean": "#165269",
-    "recommended": "#8200d8",
+    "recommended": "#7b61ff",
 }
 PUBLISHED = "#8a8a8a"  # a published curve's band
 # Its mean: dashed, since NT's is grey, too.

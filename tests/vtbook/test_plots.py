@@ -26,8 +26,8 @@ VISION = {
     "tritanopia": [[1.256, -0.077, -0.179], [-0.078, 0.931, 0.148], [0.005, 0.691, 0.304]],
 }
 TO_XYZ = np.array([[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]])
-# In CIELAB units, of which 2.3 are just seen: the least pair, NT and 3-MGVT, has 14.
-TOLD_APART = 12
+# In CIELAB units, of which 2.3 are just seen: the least pair, NT and 3-MGVT, has 14, in the dark 6.
+TOLD_APART, TOLD_APART_IN_THE_DARK = 12, 5
 # What book.css makes of figures in the dark theme: invert(0.9), and hues turned by half a circle.
 HALF_TURN = 2 * np.array([0.213, 0.715, 0.072]) - np.eye(3)
 
@@ -65,6 +65,8 @@ def runs(seed):
 def test_any_two_algorithms_are_told_apart_and_seen_on_white(vision):
     for a, b in itertools.combinations(COLOURS.values(), 2):
         assert np.linalg.norm(seen(a, vision) - seen(b, vision)) > TOLD_APART, (a, b)
+        dark = [seen(in_the_dark(x), vision) for x in (a, b)]
+        assert np.linalg.norm(dark[0] - dark[1]) > TOLD_APART_IN_THE_DARK, (a, b)
     for colour in (*COLOURS.values(), OPTIMUM):
         assert np.linalg.norm(seen(colour, vision) - seen("white", vision)) > 30, colour
     # nor by colour alone
