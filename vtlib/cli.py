@@ -97,7 +97,7 @@ def _like(pattern: str, told: str, kind: type = str) -> Callable[[str], Any]:
 def _workers(options: argparse.Namespace) -> dict[str, Any]:
     count, device = torch.cuda.device_count(), torch.device(options.device)
     if not options.scheduler and device.type == "cuda" and (device.index or 0) >= count:
-        raise ValueError(f"--device must be among the {count} of CUDA here, got {options.device}")
+        raise ValueError(f"--device: torch finds {count} CUDA cards here, got {options.device}")
     return {name: getattr(options, name) for name in ("jobs", "scheduler", "device")}
 
 

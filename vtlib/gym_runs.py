@@ -15,7 +15,7 @@ from attrs import evolve, frozen
 from torch import Tensor
 from tqdm import tqdm
 
-from vtlib.baselines import DDQNSettings, FineTuning, LearnerSettings, MellowTDSettings
+from vtlib.baselines import DDQNSettings, FineTuning, MellowTDSettings
 from vtlib.checks import check_between, check_kind, check_weights, check_whole, shown
 from vtlib.envs.episodes import GymEpisodes
 from vtlib.experiments.store import TornResult, write_bytes
@@ -58,7 +58,10 @@ class Learned:
         shape = (runs, components, d)
         known = (None, None), (shape, shape), (shape, (*shape, d))
         if found != [(runs, times), (runs,), (runs,)] or (means, factors) not in known:
-            raise ValueError(f"arrays must be of {runs} runs and {times} records, got {found}")
+            raise ValueError(
+                f"arrays must fit weights {tuple(shape)} and {times} records, got "
+                f"{found}, mu {means}, scale_tril {factors}"
+            )
 
     def save(self, path: str | Path) -> None:
         """Write everything to one .npz of plain arrays, at once, and make its folder if need be."""
@@ -97,11 +100,11 @@ def solve(
     and ends the learning by returning False; progress shows a bar. It has no ``device``,
     unlike ``transfer``: only posteriors are kept elsewhere than on the processor. Raises ValueError
     for spaces other than Box and Discrete, a Q-function of other sizes or that draws random
-    numbers, or an environment that is given twice.
+    numbers, or an environment that is given twice; Diverged when weights cease to be finite.
     """
     check_whole("iterations", iterations)
     check_kind("callback", callback, Callable | None)
-    check_kind("settings", settings, LearnerSettings | None)
+    check_kind("settings", settings, MellowTDSettings | DDQNSettings | None)
     settings = settings or MellowTDSettings(epsilon_steps=max(1, iterations // 2))
     name = _name("solve", seed)
     episodes, rng = _episodes(envs, q, name, settings.gamma), Rng(name, range(len(envs)))
@@ -123,12 +126,14 @@ def transfer(
     progress: bool = False,
     device: str = "cpu",
 ) -> Learned:
-    """Learn each environment with a prior from solved sources (S, d): Algorithm 1, made safe.
+    """Learn each environment with a prior from sources (S, d): Algorithm 1, made safe.
 
     Each source first plays ``trials`` greedy episodes; the best come first, where components start.
     In the end the posterior's means play as many, and are kept where they earn at least the
     standard error of the difference more than the best source; with trials = 0 none is played.
-    The default is ``Recommended``. Raises as ``solve``, and for missing, bad or misshapen sources.
+    The default is ``Recommended``. sources: ``weights[:, 0]`` of ``solve``. device: where
+    posteriors are kept. Raises as ``solve``, and ValueError for missing, bad or misshapen sources,
+    one trial, or a device that torch lacks.
     """
     check_whole("iterations", iterations)
     check_whole("trials", trials, 0)

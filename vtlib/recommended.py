@@ -66,7 +66,9 @@ class InUnits(VariationalTransfer):
         sources = sources.detach()
         self._unit = sources.square().mean((1, 2), keepdim=True).sqrt()
         if not bool(((self._unit > 0) & self._unit.isfinite()).all()):
-            raise ValueError("sources must be neither all zero nor huge: they are weights' unit")
+            raise ValueError(
+                "sources must be neither all zero nor huge: weights are scaled by them"
+            )
         self._eta, self._places = torch.zeros_like(self._unit), rng.stream("curvature")
         self._updates = settings.updates
         in_units = Settings(

@@ -28,14 +28,16 @@ class Settings:
     """Parameters of variational transfer, named as in the thesis (appendix A).
 
     family: "gaussian" (GVT) or "mixture" (MGVT) with ``components`` C. lambda_: weight of the KL
-    (eq. 5.2). psi: share of the full gradient (eq. 5.4). n_samples: posterior samples per gradient
-    and component. alpha_mu, alpha_L: step sizes of the means (Adam) and of L (SGD). sigma_p2:
-    variance of the prior's components. sigma_min: least value on the diagonal of L. init: where the
+    (eq. 5.2). psi: share of the full gradient (eq. 5.4). kappa: sharpness of mellowmax. gamma:
+    discount. minibatch: transitions per gradient, drawn from the last ``buffer`` ones. n_samples:
+    posterior samples per gradient and component. alpha_mu, alpha_L: step sizes of the means (Adam)
+    and of L (SGD). sigma_p2: variance of the prior's components. sigma_min: least value on the
+    diagonal of L. init: where the
     posterior starts: "sources" is the minimiser of the KL (the prior, or C different sources); a
     mixture may start with all components at their "mean", a Gaussian within their "span" (no
     variance but the sample's). act: draw weights at every "step" or once an "episode". covariance:
     a name in ``vtlib.posteriors.COVARIANCES``. patience: iterations that only act and remember.
-    jitter: added to the variances of the Gaussian prior, whose covariance is a sum over S - ddof.
+    jitter: added to the variances of the Gaussian prior, whose covariance is divided by S - ddof.
     clip: bound on a gradient's entries, None for none; kl_clip: the same for the divergence's
     gradient with respect to L before it is weighted. kl: the divergence of the "full" L, or of its
     "diagonal" alone. responsibilities: the "exact" ones, or "equal" for all sources. Raises

@@ -222,7 +222,7 @@ def test_a_device_that_is_not_there_is_refused_before_any_work(capsys, monkeypat
     for function in ("complete", "reproduce"):
         monkeypatch.setattr(cli, function, None)
     line = refused(capsys, *command, "--device", "cuda:2")
-    assert line == "vtlib: --device must be among the 2 of CUDA here, got cuda:2"
+    assert line == "vtlib: --device: torch finds 2 CUDA cards here, got cuda:2"
 
 
 def test_only_runs_that_transfer_are_computed_on_the_device(stored, monkeypatch):

@@ -170,7 +170,7 @@ def _sizes(env: gymnasium.Env) -> tuple[int, int]:
         remedy = "; gymnasium.wrappers.FlattenObservation makes one of it" if flat else ""
         raise ValueError(f"needs a one-dimensional Box observation space, got {box}{remedy}")
     if not isinstance(discrete, Discrete):
-        remedy = "choose some, and gymnasium.wrappers.TransformAction makes them of their numbers"
+        remedy = "gymnasium.wrappers.TransformAction can map a few numbers to actions"
         told = f"needs a Discrete action space, got {discrete}"
         raise ValueError(f"{told}, for each action has a value: {remedy}")
     return box.shape[0], int(discrete.n)
