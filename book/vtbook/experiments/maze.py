@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from functools import partial
-
 from attrs import evolve
 
 from vtbook.experiments.grids import sliders_of
@@ -131,17 +129,9 @@ MAZE_STOPS = evolve(
     algorithms={"1-MGVT": PUBLISHED_MGVT, "DDQN": DDQN},
     iterations=EARLY,
 )
-MAZE_SLIDERS = sliders_of(MAZE_TARGETS[MAIN].published, "maze-sliders", runs=5, iterations=5_000)
-# The same to the end of learning, as far as it is computed; once it is whole, the sliders show it.
-_long = partial(
-    sliders_of,
-    MAZE_TARGETS[MAIN].published,
-    "maze-8-sliders",
-    runs=5,
-    iterations=ITERATIONS,
+MAZE_SLIDERS = sliders_of(
+    MAZE_TARGETS[MAIN].published, "maze-8-sliders", runs=5, iterations=ITERATIONS
 )
-_small, _middle = _long(lambdas=(1e-8, 1e-7)), _long(lambdas=(1e-6,), posteriors=("GVT", "1-MGVT"))
-MAZE_8_SLIDERS = evolve(_small, algorithms={**_small.algorithms, **_middle.algorithms})
 
 EXPERIMENTS = (
     *(x for n in TARGETS for x in (MAZE_TARGETS[n].published, MAZE_NOTHING[n])),
@@ -153,5 +143,4 @@ EXPERIMENTS = (
     MAZE_SOLVED,
     MAZE_STOPS,
     MAZE_SLIDERS,
-    MAZE_8_SLIDERS,
 )
