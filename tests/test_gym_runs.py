@@ -209,7 +209,7 @@ def test_a_file_that_is_not_whole_is_named(tmp_path):
         (partial(solve, [gym.make("FrozenLake-v1")], Q, 10), "FlattenObservation makes one of it"),
         (partial(solve, [MANY], Q, 10), "FlattenObservation makes one of it"),
         (partial(solve, [ANY_LENGTH], Q, 10), r"Box observation space, got Sequence\(.*False\)$"),
-        (partial(solve, [gym.make("Pendulum-v1")], Q, 10), "choose some, and .*TransformAction"),
+        (partial(solve, [gym.make("Pendulum-v1")], Q, 10), "a value: .*TransformAction"),
         (partial(solve, [ENV], MLP((4, 8, 3)), 10), "the environments' 2 actions, got 3"),
         (partial(solve, [ENV], ModuleQ(LINEAR, np.int64(2)), 10), "2 actions, got 2 and 3 values"),
         (partial(solve, [ENV], ModuleQ(FLAT, 2), 10), "cannot value an observation"),
