@@ -9,7 +9,7 @@ import pytest
 import torch
 
 from vtlib import gym_runs
-from vtlib.baselines import DDQNSettings, FineTuning, MellowTDSettings
+from vtlib.baselines import DDQNSettings, FineTuning, LearnerSettings, MellowTDSettings
 from vtlib.experiments.store import TornResult
 from vtlib.gym_runs import Learned, evaluate, solve, transfer
 from vtlib.qfunctions import MLP, ModuleQ
@@ -198,6 +198,8 @@ def test_a_file_that_is_not_whole_is_named(tmp_path):
         (partial(evaluate, ENV, Q, BOTH[:1, None]), "envs must be of type Sequence"),
         (partial(solve, [NAN], Q, 10), "rewards must be finite, .* gave nan"),
         (partial(evaluate, [BLIND], Q, BOTH[:1, None]), "needs 4 finite numbers to see, .* gave"),
+        (partial(solve, [ENV], Q, 10, LearnerSettings(5)), "settings must be"),
+        (partial(FineTuning, LearnerSettings(5)), "learner must be"),
         (partial(transfer, [ENV], Q, SOURCES, 10, 0), "settings must be"),
         (partial(transfer, [ENV], Q, SOURCES, 10, trials=1), "trials must be 0 or at least 2"),
         (partial(transfer, [ENV], Q, SOURCES, 10, callback=1), "callback must be of type Callable"),

@@ -71,7 +71,9 @@ class FineTuning:
 
     transfers: ClassVar[bool] = True
 
-    learner: MellowTDSettings | DDQNSettings = field(validator=kind(LearnerSettings))
+    learner: MellowTDSettings | DDQNSettings = field(
+        validator=kind(MellowTDSettings | DDQNSettings)
+    )
     start: str = field(default="one", validator=one_of(("one", "mean")))
 
     def first_weights(self, sources: Tensor) -> Tensor:

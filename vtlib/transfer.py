@@ -32,16 +32,15 @@ class Settings:
     discount. minibatch: transitions per gradient, drawn from the last ``buffer`` ones. n_samples:
     posterior samples per gradient and component. alpha_mu, alpha_L: step sizes of the means (Adam)
     and of L (SGD). sigma_p2: variance of the prior's components. sigma_min: least value on the
-    diagonal of L. init: where the
-    posterior starts: "sources" is the minimiser of the KL (the prior, or C different sources); a
-    mixture may start with all components at their "mean", a Gaussian within their "span" (no
-    variance but the sample's). act: draw weights at every "step" or once an "episode". covariance:
-    a name in ``vtlib.posteriors.COVARIANCES``. patience: iterations that only act and remember.
-    jitter: added to the variances of the Gaussian prior, whose covariance is divided by S - ddof.
-    clip: bound on a gradient's entries, None for none; kl_clip: the same for the divergence's
-    gradient with respect to L before it is weighted. kl: the divergence of the "full" L, or of its
-    "diagonal" alone. responsibilities: the "exact" ones, or "equal" for all sources. Raises
-    ValueError for a value outside its range.
+    diagonal of L. init: where the posterior starts: "sources" is the minimiser of the KL (the
+    prior, or C different sources); a mixture may start with all components at their "mean", a
+    Gaussian within their "span" (no variance but the sample's). act: draw weights at every "step"
+    or once an "episode". covariance: a name in ``vtlib.posteriors.COVARIANCES``. patience:
+    iterations that only act and remember. jitter: added to the variances of the Gaussian prior,
+    whose covariance is divided by S - ddof. clip: bound on a gradient's entries, None for none;
+    kl_clip: the same for the divergence's gradient with respect to L before it is weighted. kl: the
+    divergence of the "full" L, or of its "diagonal" alone. responsibilities: the "exact" ones, or
+    "equal" for all sources. Raises ValueError for a value outside its range.
     """
 
     transfers: ClassVar[bool] = True

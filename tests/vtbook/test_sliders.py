@@ -10,13 +10,13 @@ from xarray import Dataset
 
 from vtbook import sliders, widgets
 from vtbook.claims import Runs
-from vtbook.experiments.grids import count_name, slider_thesis, sliders_of
+from vtbook.experiments.grids import POSTERIORS, PSIS, count_name, slider_thesis, sliders_of
 from vtbook.experiments.rooms import ROOMS_EVALUATION
 from vtlib.stats import Interval
 
 AROUND = ROOMS_EVALUATION.equations
-LAMBDAS, PSIS, POSTERIORS = (1e-6, 1e-4), (0.5, 1.0), ("GVT", "1-MGVT", "3-MGVT")
-GRID = sliders_of(AROUND, "grid", 4, 300, LAMBDAS, PSIS, POSTERIORS)
+LAMBDAS = (1e-6, 1e-4)
+GRID = sliders_of(AROUND, "grid", 4, 300, LAMBDAS)
 USUAL = (1e-6, 0.5, "1-MGVT")
 
 

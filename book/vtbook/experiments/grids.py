@@ -57,13 +57,11 @@ def sliders_of(
     runs: int,
     iterations: int,
     lambdas: Sequence[float] | None = None,
-    psis: Sequence[float] = PSIS,
-    posteriors: Sequence[str] = POSTERIORS,
 ) -> Experiment:
     """The settings of the sliders around GVT and 1-MGVT, on an experiment's first runs or tasks.
 
-    lambdas, psis, posteriors: those of the sliders; lambdas are ``slider_lambdas`` of 1-MGVT by
-    default. Raises ValueError when the experiment lacks GVT or 1-MGVT.
+    lambdas: those of the sliders, ``slider_lambdas`` of 1-MGVT by default. Raises
+    ValueError when the experiment lacks GVT or 1-MGVT.
     """
     thesis = slider_thesis(experiment)
     lambdas = lambdas or slider_lambdas(thesis["1-MGVT"])
@@ -72,7 +70,7 @@ def sliders_of(
         name=name,
         algorithms={
             slider_name(*setting): slider_settings(thesis, *setting)
-            for setting in itertools.product(lambdas, psis, reversed(posteriors))
+            for setting in itertools.product(lambdas, PSIS, reversed(POSTERIORS))
         },
         runs=runs,
         iterations=iterations,
