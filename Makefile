@@ -1,7 +1,7 @@
 # The commands of this project. Needed beforehand: Python 3.11, git, make (and a network, once).
 #   make book       build the book into _build/html
 #   make test       linter and tests, which include building the book from scratch
-#   make lab        open the pages as notebooks in JupyterLab
+#   make lab        open the pages as notebooks in JupyterLab (builds the book where there is none)
 #   make reproduce  compute everything again from nothing, compare, and draw the book from it
 #   make oldest     test the library with the oldest versions allowed (make newest: with the newest)
 #   make sanitize   run the kernels on random settings under the sanitizers (needs g++)
@@ -67,12 +67,13 @@ format: $(SET_UP)
 	@$(BIN)/ruff format $(PYFILES)
 	@PATH="$(abspath $(BIN)):$$PATH" $(BIN)/nbqa "ruff format" $(PAGES)
 
-# Settings go into the environment, not into the user's home.
+# Settings go into the environment, not into the user's home. Pages are copies of the built ones.
 lab: export JUPYTER_CONFIG_DIR := $(abspath $(VENV))/etc/jupyter-user
+lab: export JUPYTER_DATA_DIR := $(abspath $(VENV))/share/jupyter-user
 lab: $(KERNELS)
-	@echo "==> Opening JupyterLab: a few seconds; stop it with Ctrl-C. Pages open as notebooks."
-	@$(BIN)/jupytext-config set-default-viewer markdown python >/dev/null
-	@$(BIN)/jupyter lab $(LAB_OPTIONS) book
+	@ls _build/html/_sources/notebooks/* >/dev/null 2>&1 || $(MAKE) --no-print-directory book
+	@echo "==> Opening JupyterLab: a few seconds; stop it with Ctrl-C. Pages are in notebooks/."
+	@$(BIN)/python book/_ext/lab.py $(LAB_OPTIONS)
 
 # The book is drawn from the new runs when there are all of them, and even if some differ.
 reproduce: $(KERNELS)

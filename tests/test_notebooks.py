@@ -1,19 +1,43 @@
-"""The notebooks that the pages offer: valid, the same each time, and in need of vtlib alone."""
+"""The notebooks of the built book: they read as the pages do, and run wherever vtlib is."""
 
 import ast
+import re
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import nbformat
 import pytest
 
 BOOK = Path(__file__).resolve().parents[1] / "book"
 PAGES = sorted(
-    path for path in BOOK.glob("*.md") if "\nkernelspec:" in path.read_text(encoding="utf-8")[:500]
+    path.stem
+    for path in BOOK.glob("*.md")
+    if "\nkernelspec:" in path.read_text(encoding="utf-8")[:500]
 )
+TEXTS = ["errata", "experiments", "glossary"]
 WITHOUT_THE_BOOK = "import sys; sys.modules.update(dict.fromkeys(('myst_nb', 'jupytext')))\n"
 BROUGHT = "vtlib vtbook torch numpy gymnasium scipy xarray attrs matplotlib IPython"  # by vtlib
+MYST = re.compile(r"\{[a-z]+(?::\w+)?\}`|^[`:]{3,}\{|^\([\w-]+\)=$|\$\$ \(", re.MULTILINE)
+MACRO = re.compile(r"\\(?:E|KL|mm|R)(?![A-Za-z])")
+
+
+@pytest.fixture
+def built(book):
+    """The only file of a page that the built book has for JupyterLab."""
+
+    def path_of(page):
+        (path,) = (book / "_sources" / "notebooks").glob(f"*-{page}.*")
+        return path
+
+    return path_of
+
+
+def read(path):
+    notebook = nbformat.read(path, as_version=4)
+    nbformat.validate(notebook)
+    return notebook
 
 
 def code(notebook) -> str:
@@ -21,21 +45,126 @@ def code(notebook) -> str:
     return "\n".join(cell.source for cell in notebook.cells if cell.cell_type == "code")
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda path: path.stem)
-def test_a_page_becomes_a_valid_notebook_that_needs_vtlib_alone(extension, page):
-    made, again = (extension("notebooks").notebook(page) for _ in range(2))
-    nbformat.validate(made)
-    assert nbformat.writes(made) == nbformat.writes(again)
-    assert "pip install -e ." in made.cells[0].source
-    assert "%%" not in code(made)
-    for node in ast.walk(ast.parse(code(made))):
+@pytest.mark.parametrize("page", PAGES)
+def test_a_page_is_a_valid_notebook_that_needs_vtlib_alone(built, page):
+    notebook = read(built(page))
+    assert "pip install -e ." in notebook.cells[0].source
+    assert "%%" not in code(notebook)
+    for node in ast.walk(ast.parse(code(notebook))):
         if isinstance(node, ast.Import | ast.ImportFrom):
             name = getattr(node, "module", node.names[0].name)
             assert name.partition(".")[0] in {*BROUGHT.split(), *sys.stdlib_module_names}
 
 
-def test_a_notebook_runs_without_the_book(extension, tmp_path):
-    program = WITHOUT_THE_BOOK + code(extension("notebooks").notebook(BOOK / "introduction.md"))
+@pytest.mark.parametrize("page", [*PAGES, *TEXTS])
+def test_the_text_of_a_page_has_no_holes(built, page):
+    path = built(page)
+    cells = read(path).cells if path.suffix == ".ipynb" else [{"source": path.read_text("utf-8")}]
+    for cell in cells:
+        if cell.get("cell_type") != "code":
+            prose = re.sub(r"^```.*?^```", "", cell["source"], flags=re.DOTALL | re.MULTILINE)
+            assert MYST.findall(prose) == []
+            assert MACRO.findall(prose) == []
+            for name in re.findall(r"\]\(([^)]*\.(?:ipynb|md))\)", prose):
+                assert (path.parent / name).exists(), name
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_numbers_captions_and_boxes_are_those_of_the_page(book, built, page):
+    bs4 = pytest.importorskip("bs4")
+    html = bs4.BeautifulSoup((book / "book" / f"{page}.html").read_text("utf-8"), "html.parser")
+    prose = "\n".join(x.source for x in read(built(page)).cells if x.cell_type == "markdown")
+    figures = [x.get_text(strip=True) for x in html.select("figcaption .caption-number")]
+    assert [x.removesuffix(".") for x in figures] == re.findall(
+        r"^\*\*(Figure \S+)\.\*\*", prose, re.M
+    )
+    titles = [x.get_text(" ", strip=True) for x in html.select("p.admonition-title")]
+    assert len(titles) == len(re.findall(r"^(?:> )*> \*\*[^*]*\*\*", prose, re.M)), titles
+    if answer := html.select_one(".admonition.tip p:not(.admonition-title)"):
+        words = re.sub(r"[\W_]+", " ", answer.get_text()).split()[:12]
+        assert " ".join(words) in re.sub(r"[\W_]+", " ", prose)
+
+
+def test_a_notebook_runs_without_the_book(built, tmp_path):
+    program = WITHOUT_THE_BOOK + code(read(built("introduction")))
     command = [sys.executable, "-c", program]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
+
+
+def test_what_a_page_folds_is_folded_and_has_no_output_to_be_read(built):
+    cells = read(built("rooms_evaluation")).cells
+    first = next(x for x in cells if x.cell_type == "code")
+    assert first.metadata["jupyter"] == {"source_hidden": True, "outputs_hidden": True}
+    assert all(x.outputs for x in cells if x.cell_type == "code" and "plots." in x.source[:6])
+
+
+def test_where_an_address_is_set_the_first_cell_installs_from_it(extension):
+    needs = extension("notebooks").needs
+    assert needs("")[0].source.endswith("or `make lab`.")
+    said, cell = needs("https://example.org/vtlib")
+    assert "the next cell installs" in said.source
+    assert "git+https://example.org/vtlib#egg=vtlib" in cell.source
+    assert {tag for x in (said, cell) for tag in x.metadata["tags"]} == {"needs"}
+
+
+@pytest.mark.parametrize(("seconds", "words"), [(1, "10"), (5, "20"), (38, "50"), (100, "2")])
+def test_a_page_says_how_long_it_takes_with_the_start_of_its_kernel(extension, seconds, words):
+    assert extension("notebooks").in_words(seconds).split()[0] == words
+
+
+@pytest.fixture
+def copies(extension, tmp_path, monkeypatch):
+    """A built notebook and a text, and a call that copies them."""
+    monkeypatch.setenv("JUPYTER_DATA_DIR", str(tmp_path / "data"))
+    built, folder = tmp_path / "built", tmp_path / "notebooks"
+    built.mkdir()
+    v4 = nbformat.v4
+
+    def build(source):
+        (built / "06-text.md").write_text(source)
+        cells = [
+            v4.new_markdown_cell("needs", metadata={"tags": ["needs"]}),
+            v4.new_code_cell(source),
+        ]
+        nbformat.write(v4.new_notebook(cells=cells), built / "00-index.ipynb")
+
+    build("1 + 1")
+    copy = extension("lab").copy_pages
+    return SimpleNamespace(build=build, folder=folder, copy=lambda: copy(built, folder))
+
+
+def test_pages_are_copied_without_what_they_need_and_again_when_the_book_changes(copies):
+    assert copies.copy() == []
+    (cell,) = nbformat.read(copies.folder / "00-index.ipynb", 4).cells
+    assert cell.source == "1 + 1"
+    copies.build("2 + 2")
+    assert copies.copy() == []
+    (cell,) = nbformat.read(copies.folder / "00-index.ipynb", 4).cells
+    assert cell.source == (copies.folder / "06-text.md").read_text() == "2 + 2"
+
+
+def test_what_a_reader_changed_stays_and_what_was_only_run_does_not_count(copies):
+    copies.copy()
+    path = copies.folder / "00-index.ipynb"
+    run = nbformat.read(path, 4)
+    run.cells[0].execution_count = 5
+    nbformat.write(run, path)
+    assert copies.copy() == []
+    assert nbformat.read(path, 4).cells[0].execution_count == 5
+    run.cells[0].source = "mine"
+    nbformat.write(run, path)
+    assert copies.copy() == ["00-index.ipynb"]
+    copies.build("3 + 3")
+    assert copies.copy() == ["00-index.ipynb"]
+    assert nbformat.read(path, 4).cells[0].source == "mine"
+    assert (copies.folder / "06-text.md").read_text() == "3 + 3"
+    path.unlink()
+    assert copies.copy() == []
+    assert nbformat.read(path, 4).cells[0].source == "3 + 3"
+
+
+def test_without_a_built_book_one_line_says_what_to_do(extension, tmp_path):
+    with pytest.raises(FileNotFoundError, match="make book"):
+        extension("lab").copy_pages(tmp_path / "none", tmp_path / "notebooks")
+    assert not (tmp_path / "notebooks").exists()

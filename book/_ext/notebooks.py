@@ -1,55 +1,212 @@
-"""Sphinx extension: each page offers itself as a notebook and says how long it takes to run."""
+"""Sphinx extension: each page is a notebook, too, as the built page shows it.
+
+A notebook's text is plain Markdown with the page's numbers, references and captions filled in, and
+its cells have the outputs of the build, so that it reads as the page does wherever notebooks are
+shown, and before anything has run. What the page folds is folded. Pages without cells become text.
+``lab.py`` copies them to the folder where a reader changes them; no notebook is ever written back.
+"""
 
 from __future__ import annotations
 
+import math
 import re
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-import jupytext
 import nbformat
 from docutils import nodes
+from in_parallel import read_page
+from jupyter_cache import get_cache
 from myst_nb.sphinx_ import NbMetadataCollector
+from nbformat import NotebookNode
+from plain_markdown import Filling, caption, plain
+from sphinx import addnodes
+from sphinx.util.docutils import new_document
 
+ROOT = Path(__file__).resolve().parents[2]
+FOLDER = "_sources/notebooks"  # of the built book
 NEEDS = (
-    "This notebook is a page of *Variational Transfer of Value Functions*. It runs in any Jupyter "
-    "once `vtlib` is installed from a checkout of the book, whose stored runs it reads: "
-    "`pip install -e .`. Marks such as {numref} or {cite} are links of the book; the built page "
-    "has them in full."
+    "A page of *Variational Transfer of Value Functions*, with the outputs of the built book. "
+    "Its cells run where `vtlib` is installed from a checkout, whose stored runs they read: "
 )
+BY_HAND = NEEDS + "clone the repository and run `pip install -e .` there, or `make lab`."
+BY_ITSELF = NEEDS + "the next cell installs one if there is none."
+INSTALL = """import importlib.util
+
+if importlib.util.find_spec("vtbook") is None:
+    %pip install --quiet --editable "git+{address}#egg=vtlib"
+    print("Installed. Now choose Kernel, Restart Kernel.")"""
 GLUE = re.compile(r"^from myst_nb import glue$", re.MULTILINE)
-# The book's prose takes its numbers from glue; a notebook outside the book prints them instead.
+# The page's prose takes its numbers from glue; a notebook prints those that were computed anew.
 PRINT = '''def glue(name, value, display=False):
-    """Show a number that the book's text takes from here."""
+    """Show a number that the text of the page has from here."""
     print(f"{name}: {value}")'''
+STARTING = 6.0  # seconds until a kernel has imported what pages import
+FOLDED = {"remove-cell", "hide-cell", "remove-input", "hide-input"}
+HEADING = re.compile(r"^(#+ )", re.MULTILINE)
+FENCED = re.compile(r"^```.*?^```$", re.DOTALL | re.MULTILINE)
 
 
-def is_page_with_code(path: Path) -> bool:
-    """Whether a page of the book has cells."""
-    return path.suffix == ".md" and "\nkernelspec:" in path.read_text(encoding="utf-8")[:500]
+def is_page(path: Path) -> bool:
+    """Whether a source is one that a reader opens in JupyterLab; the reference is no such page."""
+    return path.suffix == ".md" and not path.stem.startswith(("api", "gallery", "references"))
 
 
-def notebook(path: Path) -> Any:
-    """A page as a notebook without outputs that needs vtlib and what vtlib needs, no more."""
-    made = jupytext.read(path, fmt="md:myst")
-    made.metadata.pop("jupytext", None)
-    for cell in made.cells:
+def file_name(env: Any, docname: str) -> str:
+    """The notebook's name, by which a list of files has the book's order: 06.08-mazes.ipynb."""
+    number = env.toc_secnumbers.get(docname, {}).get("", ())
+    parts = [f"{part:02d}" if isinstance(part, int) else part for part in number]
+    stem = docname.rpartition("/")[2]
+    before = ".".join(parts) or ("00" if docname == env.config.root_doc else "G")
+    suffix = "ipynb" if NbMetadataCollector.get_exec_data(env, docname) else "md"
+    return f"{before}-{stem}.{suffix}"
+
+
+def filling(app: Any, docname: str, values: Mapping[str, str]) -> Filling:
+    """What the book knows that a page's source only names."""
+    env, config = app.env, app.config
+    labels = env.get_domain("std").anonlabels
+    equations = env.get_domain("math").equations
+    references = {
+        node.rawsource.strip(":"): node
+        for node in env.get_doctree(docname).findall(addnodes.pending_xref)
+    }
+
+    def number(label: str) -> str:
+        if label in equations:
+            where = equations[label][0]
+            parts = env.toc_fignumbers[where]["displaymath"][f"equation-{label}"]
+            return ".".join(map(str, parts))
+        where, label, *_ = labels[label]
+        for kind, numbers in env.toc_fignumbers.get(where, {}).items():
+            if label in numbers:
+                return config.numfig_format[kind] % ".".join(map(str, numbers[label]))
+        raise ValueError(f"{docname} names {label!r}, which has no number")
+
+    def link(role: str, content: str) -> str:
+        if role == "glue:text":
+            return values[content]
+        node = references[f"{role}:`{content}`"]
+        document = new_document("reference")
+        document += node.deepcopy()
+        env.resolve_references(document, docname, app.builder)
+        to = f"{docname.rpartition('/')[0]}/{node['reftarget']}"
+        if node["reftype"] == "doc" and is_page(Path(env.doc2path(to))):
+            return f"[{document.astext()}]({file_name(env, to)})"
+        return document.astext()
+
+    def read(path: str) -> str:
+        return (Path(env.doc2path(docname)).parent / path).read_text(encoding="utf-8")
+
+    return Filling(link, number, read, config.mathjax3_config["tex"]["macros"])
+
+
+def executed(app: Any, docname: str) -> NotebookNode | None:
+    """A page with the outputs that the execution cache has of it; None for one without cells."""
+    page = read_page(app.env, docname)
+    if page is None:
+        return None
+    _, merged = get_cache(app.config.nb_execution_cache_path).merge_match_into_notebook(page)
+    return merged
+
+
+def numbers_of(page: NotebookNode) -> dict[str, str]:
+    """The texts that cells have glued for the prose, by their names."""
+    return {
+        output.metadata["scrapbook"]["name"]: output.data[kind].strip("'")
+        for cell in page.cells
+        for output in cell.get("outputs", ())
+        if "scrapbook" in output.get("metadata", {})
+        for kind in output.data
+        if kind.endswith("text/plain")
+    }
+
+
+def numbered(text: str, sections: Iterator[str]) -> str:
+    """Headings with the numbers that they have in the book."""
+    parts = []
+    for i, part in enumerate(re.split(f"({FENCED.pattern})", text, flags=FENCED.flags)):
+        parts.append(part if i % 2 else HEADING.sub(lambda found: found[1] + next(sections), part))
+    return "".join(parts)
+
+
+def section_numbers(env: Any, docname: str) -> Iterator[str]:
+    """What stands before each heading of a page, in their order."""
+    numbers = env.toc_secnumbers.get(docname, {})
+    for i, section in enumerate(env.get_doctree(docname).findall(nodes.section)):
+        number = numbers.get(f"#{section['ids'][0]}" if i else "", ())
+        yield ".".join(map(str, number)) + " " * bool(number)
+
+
+def shown_outputs(cell: NotebookNode) -> list[NotebookNode]:
+    """What a cell has left to see: pictures without those that the page has for other screens."""
+    outputs = [x for x in cell.outputs if "scrapbook" not in x.get("metadata", {})]
+    for output in outputs:
+        output.get("metadata", {}).pop("image/png", None)
+    return [x for x in outputs if x.output_type != "stream" or x.name != "stderr"]
+
+
+def code_cells(cell: NotebookNode, filled: Filling) -> Iterator[NotebookNode]:
+    """A cell of code as a reader runs it, and below it the caption of its figure."""
+    tags = set(cell.metadata.pop("tags", ()))
+    figure = cell.metadata.pop("mystnb", {}).get("figure", {})
+    cell.metadata = nbformat.from_dict({})
+    cell.source = GLUE.sub(PRINT, cell.source)
+    cell.outputs = [] if "remove-output" in tags else shown_outputs(cell)
+    if tags & FOLDED:
+        cell.metadata["jupyter"] = {"source_hidden": True}
+    if tags & {"remove-cell", "hide-cell"}:
+        cell.metadata["jupyter"] |= {"outputs_hidden": True}
+    yield cell
+    if figure:
+        text = caption(figure["name"], " ".join(figure["caption"].split()), filled)
+        yield nbformat.v4.new_markdown_cell(plain(text, filled))
+
+
+def needs(address: str) -> list[NotebookNode]:
+    """The first cells, which say what a notebook needs and, from an address, install it."""
+    told = {"metadata": {"tags": ["needs"]}}
+    said = nbformat.v4.new_markdown_cell(BY_ITSELF if address else BY_HAND, **told)
+    code = INSTALL.format(address=address)
+    return [said, nbformat.v4.new_code_cell(code, **told)] if address else [said]
+
+
+def notebook(app: Any, docname: str, page: NotebookNode) -> NotebookNode:
+    """A page and its outputs as a notebook that needs vtlib and what vtlib needs, no more."""
+    address = app.config.html_theme_options.get("repository_url", "")
+    made = nbformat.v4.new_notebook(metadata={"kernelspec": page.metadata["kernelspec"]})
+    if "widgets" in page.metadata:
+        made.metadata["widgets"] = page.metadata["widgets"]
+    made.cells = needs(address)
+    filled, sections = filling(app, docname, numbers_of(page)), section_numbers(app.env, docname)
+    for cell in page.cells:
         if cell.cell_type == "code":
-            cell.source = GLUE.sub(PRINT, cell.source)
-            cell.metadata.pop("mystnb", None)
-    made.cells.insert(0, nbformat.v4.new_markdown_cell(NEEDS))
+            made.cells += code_cells(cell, filled)
+        elif text := plain(numbered(cell.source, sections), filled):
+            made.cells.append(nbformat.v4.new_markdown_cell(text))
     for index, cell in enumerate(made.cells):
         cell.id = f"cell-{index}"  # the same file from the same page
     return made
 
 
+def text_page(app: Any, docname: str) -> str:
+    """A page without cells as plain Markdown."""
+    source = Path(app.env.doc2path(docname)).read_text(encoding="utf-8")
+    text = re.sub(r"\A---\n.*?\n---\n", "", source, flags=re.DOTALL)
+    return (
+        plain(numbered(text, section_numbers(app.env, docname)), filling(app, docname, {})) + "\n"
+    )
+
+
 def in_words(seconds: float) -> str:
-    """A duration as a reader wants it."""
-    if seconds < 1.5:
-        return "about a second"
-    if seconds < 90:
-        return f"{seconds:.0f} seconds"
-    return f"{seconds / 60:.0f} minutes"
+    """A duration as a reader wants it, with the start of a kernel, which a build shares."""
+    whole = seconds + STARTING
+    return (
+        f"{10 * math.ceil(whole / 10)} seconds"
+        if whole < 90
+        else f"{math.ceil(whole / 60)} minutes"
+    )
 
 
 def add_note(app: Any, doctree: nodes.document, docname: str) -> None:
@@ -59,22 +216,28 @@ def add_note(app: Any, doctree: nodes.document, docname: str) -> None:
     if not data or data.get("runtime") is None or title is None:
         return
     note = nodes.paragraph(classes=["page-note"])
-    note += nodes.Text(f"Takes {in_words(data['runtime'])} to run as a ")
-    up = "../" * docname.count("/")
-    note += nodes.reference("", "notebook", refuri=f"{up}_sources/{docname}.ipynb", internal=False)
+    note += nodes.Text(f"Takes about {in_words(data['runtime'])} to run as a ")
+    to = f"{'../' * docname.count('/')}{FOLDER}/{file_name(app.env, docname)}"
+    note += nodes.reference("", "notebook", refuri=to, internal=False)
     note += nodes.Text(".")
     title.parent.insert(title.parent.index(title) + 1, note)
 
 
 def write_notebook(app: Any, docname: str, template: str, context: dict, doctree: Any) -> None:
-    """Put the notebook beside the page's source, where the theme's download button looks."""
-    path = Path(app.env.doc2path(docname)) if docname in app.env.found_docs else None
-    if app.builder.format != "html" or path is None or not is_page_with_code(path):
+    """Put the notebook into the built book, where the theme's download button looks for it."""
+    if app.builder.format != "html" or docname not in app.env.found_docs:
         return
-    out = Path(app.outdir) / "_sources" / f"{docname}.ipynb"
+    if not is_page(Path(app.env.doc2path(docname))):
+        return
+    name = file_name(app.env, docname)
+    out = Path(app.outdir) / FOLDER / name
     out.parent.mkdir(parents=True, exist_ok=True)
-    nbformat.write(notebook(path), out)
-    context["ipynb_source"] = f"{docname}.ipynb"
+    page = executed(app, docname)
+    if page is None:
+        out.write_text(text_page(app, docname), encoding="utf-8")
+    else:
+        nbformat.write(notebook(app, docname, page), out)
+        context["ipynb_source"] = f"{FOLDER.partition('/')[2]}/{name}"
 
 
 def setup(app: Any) -> dict[str, Any]:

@@ -1,0 +1,110 @@
+"""Open the built pages in JupyterLab, as notebooks that a reader runs and changes.
+
+``python book/_ext/lab.py`` copies the notebooks of the built book into ``notebooks`` and starts
+JupyterLab there, on the first page; what follows it goes to JupyterLab. ``--copy`` copies alone.
+Notebooks are copies, and not the pages' sources, because only a built page knows its numbers, and
+because a source that is saved from Jupyter would change without anybody having edited it.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import sys
+from pathlib import Path
+
+import nbformat
+from jupyter_core.paths import jupyter_config_dir, jupyter_data_dir
+from nbformat.sign import NotebookNotary
+
+ROOT = Path(__file__).resolve().parents[2]
+BUILT = ROOT / "_build" / "html" / "_sources" / "notebooks"
+FOLDER = ROOT / "notebooks"
+RECORD = ".as-built.json"  # digests of the copies' sources, by which a reader's changes are known
+FIRST = "00-index.ipynb"
+# Pages without cells open as text, names of files have room, and nobody is asked for news.
+SETTINGS = {
+    "@jupyterlab/filebrowser-extension:browser": {"showLastModifiedColumn": False},
+    "@jupyterlab/docmanager-extension:plugin": {
+        "defaultViewers": {"markdown": "Markdown Preview"},
+    },
+    "@jupyterlab/apputils-extension:notification": {
+        "checkForUpdates": False,
+        "fetchNews": "false",
+    },
+}
+
+
+def copy_pages(built: Path = BUILT, folder: Path = FOLDER) -> list[str]:
+    """Copy each page whose text and code its reader has not changed; the names of the others.
+
+    Copies are signed, for JupyterLab shows no sliders of a notebook that it does not trust. Raises
+    FileNotFoundError where the book is not built.
+    """
+    pages = sorted(built.glob("*.*"))
+    if not pages:
+        raise FileNotFoundError(f"no notebooks in {built}: make book builds them")
+    for needed in (folder, Path(jupyter_data_dir())):  # the notary keeps its key in the second
+        needed.mkdir(parents=True, exist_ok=True)
+    record = folder / RECORD
+    known = json.loads(record.read_text()) if record.exists() else {}
+    notary, changed = NotebookNotary(data_dir=jupyter_data_dir()), []
+    for page in pages:
+        copy, new = folder / page.name, without_needs(page.read_text(encoding="utf-8"))
+        if copy.exists():
+            left, brought = sources(copy.read_text(encoding="utf-8")), sources(new)
+            if left not in (known.get(page.name), brought):
+                changed.append(page.name)
+            if left != known.get(page.name) or left == brought:
+                continue  # a reader's changes stay, and so do outputs of a page that is the same
+        copy.write_text(new, encoding="utf-8")
+        known[page.name] = sources(new)
+        if page.suffix == ".ipynb":
+            notary.sign(nbformat.reads(new, as_version=4))
+    record.write_text(json.dumps(known, indent=1))
+    return changed
+
+
+def without_needs(page: str) -> str:
+    """A page without the cells that say what it needs, which is here."""
+    if not page.startswith("{"):
+        return page
+    notebook = nbformat.reads(page, as_version=4)
+    notebook.cells = [x for x in notebook.cells if "needs" not in x.metadata.get("tags", ())]
+    return nbformat.writes(notebook)
+
+
+def sources(page: str) -> str:
+    """A digest of what a reader may edit of a page: to run a notebook changes its file, too."""
+    if page.startswith("{"):
+        page = "\0".join(cell.source for cell in nbformat.reads(page, as_version=4).cells)
+    return hashlib.sha256(page.encode()).hexdigest()
+
+
+def write_settings() -> None:
+    """JupyterLab's settings for the pages, below those that a reader makes there."""
+    folder = Path(jupyter_config_dir()) / "labconfig"
+    folder.mkdir(parents=True, exist_ok=True)
+    text = json.dumps(SETTINGS, indent=1)
+    (folder / "default_setting_overrides.json").write_text(text)
+
+
+def main(options: list[str]) -> None:
+    """Command line."""
+    try:
+        changed = copy_pages()
+    except FileNotFoundError as error:
+        raise SystemExit(str(error)) from None
+    if changed:
+        print(f"    As you left them, though the book has others now: {', '.join(changed)}.")
+        print("    Delete or rename one, and the next make lab brings the book's.", flush=True)
+    write_settings()
+    if options != ["--copy"]:
+        start = [f"--ServerApp.root_dir={FOLDER}", f"--LabApp.default_url=/lab/tree/{FIRST}"]
+        command = [sys.executable, "-m", "jupyterlab", *start, *options]
+        os.execv(command[0], command)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
