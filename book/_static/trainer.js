@@ -92,6 +92,7 @@
       });
       draw(one, "rect", { x: -0.9, y: -0.75, width: 1.8, height: 1.5, class: "reach" });
       draw(one, "rect", { x: -0.5, y: -0.2, width: 1, height: 0.4, rx: 0.2, class: "grip" });
+      draw(one, "rect", { x: -0.65, y: -0.35, width: 1.3, height: 0.7, rx: 0.35, class: "ring" });
       draw(one, "path", { d: "M-.2 -.1 L-.32 0 L-.2 .1 M.2 -.1 L.32 0 L.2 .1", class: "arrows" });
       one.addEventListener("keydown", (event) => {
         if (event.altKey || event.ctrlKey || event.metaKey) return; // the browser's own

@@ -8,10 +8,12 @@ import shutil
 import subprocess
 import sys
 from base64 import b64decode
+from io import BytesIO
 from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.image import imread
 
 from vtbook import published, trainer
 from vtbook.experiments.rooms import ROOMS_EVALUATION, ROOMS_EXPLORATION, ROOMS_LIKELIHOOD
@@ -181,6 +183,23 @@ def opened(book, page):
     assert not page.faults
 
 
+@pytest.fixture
+def alone(tmp_path, page):
+    """Opens a page of the panel alone, which needs no built book: the panel, ready to train."""
+
+    def panel_of(**start):
+        html = trainer.train_here(EVALUATION, (2.0, 8.0), **start)
+        file = tmp_path / "panel.html"
+        file.write_text(f"<!doctype html><meta charset=utf-8>{html}", encoding="utf-8")
+        page.goto(file.as_uri(), wait_until="load")
+        panel = page.locator(".trainer")
+        shows(panel, ".says", "^Ready")
+        return panel
+
+    yield panel_of
+    assert not page.faults
+
+
 def trained(panel):
     """The learning returns in the key of the chart after training, by the name of their run."""
     shows(panel, ".says", "^Ready")
@@ -265,6 +284,18 @@ def test_where_motion_is_not_wanted_the_panel_moves_every_500_iterations_alone(o
     panel.get_by_role("button", name="Run").click()
     shows(panel, ".iteration", "^1,[0-4]")
     assert [t // 500 for t in page.evaluate("seen")] == [1, 2]
+
+
+def test_a_ring_around_its_grip_shows_a_door_that_has_the_focus(alone, page):
+    panel = alone()
+    before = imread(BytesIO(page.screenshot()))
+    panel.locator(".door").first.focus()
+    changed = np.nonzero((imread(BytesIO(page.screenshot())) != before).any(2))
+    grip = panel.locator(".grip").first.bounding_box()
+    for places, start, size in zip(changed, "yx", ("height", "width"), strict=True):
+        beyond = grip[start] - places.min(), places.max() - grip[start] - grip[size]
+        assert min(beyond) > 3
+        assert max(beyond) < 15
 
 
 def test_without_vector_instructions_the_panel_says_so(opened, page):
