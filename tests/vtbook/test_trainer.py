@@ -286,6 +286,36 @@ def test_where_motion_is_not_wanted_the_panel_moves_every_500_iterations_alone(o
     assert [t // 500 for t in page.evaluate("seen")] == [1, 2]
 
 
+POSTED = """
+  const post = Worker.prototype.postMessage;
+  Worker.prototype.postMessage = function (message) {
+    window.posted = message.chosen ?? window.posted;
+    return post.call(this, message);
+  };
+"""
+NUMBERS = "psi", "components", "sources", "seed"
+
+
+def test_what_is_shown_is_trained_after_a_reader_left_and_went_back(alone, page):
+    page.add_init_script(POSTED)
+    panel = alone()
+    panel.get_by_label("Gaussian (GVT)").check()
+    panel.get_by_label("psi").press("End")
+    panel.get_by_label("number of sources").press("Home")
+    panel.get_by_role("button", name="another").click()
+    panel.get_by_role("checkbox", name="no transfer").uncheck()
+    page.goto("about:blank")
+    page.go_back()
+    shows(panel, ".says", "^Ready")
+    sent = page.evaluate("posted")
+    shown = {x: float(panel.locator(f"[name={x}]").input_value()) for x in NUMBERS}
+    assert shown == {x: sent[x] for x in NUMBERS}
+    assert panel.locator("[name=family]:checked").input_value() == sent["family"]
+    assert panel.get_by_role("checkbox", name="no transfer").is_checked() == sent["none"]
+    power = float(panel.get_by_label("lambda").input_value())
+    assert 10**power == pytest.approx(sent["lambda"])
+
+
 def test_a_ring_around_its_grip_shows_a_door_that_has_the_focus(alone, page):
     panel = alone()
     before = imread(BytesIO(page.screenshot()))
