@@ -268,6 +268,17 @@ def test_a_mixture_of_three_and_then_a_gaussian_train_once_a_door_has_moved(open
         shows(panel, ".says", r"^Paused at [1-4],\d+: learning return \d\.\d\d;")
 
 
+def test_the_panel_says_how_many_iterations_a_second_it_trains(alone):
+    panel = alone()
+    panel.get_by_role("combobox").select_option(label="100 a second")
+    panel.get_by_role("button", name="Run").click()
+    shows(panel, ".iteration", r"^[2-9]\d\d$")
+    assert 60 < float(panel.locator(".speed").inner_text()) < 140
+    panel.get_by_role("combobox").select_option(label="15 a second: watch it walk")
+    panel.page.wait_for_timeout(2_000)
+    assert 8 < float(panel.locator(".speed").inner_text()) < 25
+
+
 SEEN = """shown => {
   window.seen = [];
   const look = () => window.seen.push(Number(shown.innerText.replace(",", "")));
