@@ -268,6 +268,29 @@ def test_a_mixture_of_three_and_then_a_gaussian_train_once_a_door_has_moved(open
         shows(panel, ".says", r"^Paused at [1-4],\d+: learning return \d\.\d\d;")
 
 
+def test_a_drag_leaves_one_mark_and_so_do_presses_at_one_iteration(alone, page):
+    panel = alone()
+    panel.get_by_label("keep what was learned when a door moves").check()
+    panel.get_by_role("combobox").select_option(label="100 a second")
+    panel.get_by_role("button", name="Run").click()
+    marks, door = panel.locator(".marks line"), panel.locator(".door").first
+    door.hover()
+    page.mouse.down()
+    place = door.bounding_box()
+    for hundreds in (1, 2, 3):
+        shows(panel, ".iteration", rf"[{hundreds}-9]\d\d$")
+        page.mouse.move(place["x"] + 100 * hundreds, place["y"], steps=20)
+    page.mouse.up()
+    assert float(door.get_attribute("aria-valuenow")) > 5
+    assert marks.count() == 1
+    panel.get_by_role("button", name="Pause").click()
+    shows(panel, ".says", "^Paused")
+    for _ in range(3):
+        door.press("ArrowLeft")
+    panel.locator(".door").last.press("ArrowLeft")
+    assert marks.count() == 2
+
+
 def test_the_panel_says_how_many_iterations_a_second_it_trains(alone):
     panel = alone()
     panel.get_by_role("combobox").select_option(label="100 a second")
