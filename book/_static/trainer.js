@@ -4,7 +4,7 @@
 (function () {
   /* What a reader may choose: least, most, step and start of each number. */
   const RANGES = {
-    power: [-8, -1, 0.1, -6],
+    power: [-8.1, -1, 0.1, -6], // of ten; the least stands for a lambda of 0
     psi: [0, 1, 0.01, 0.5],
     components: [1, 3, 1, 1],
     sources: [1, 10, 1, 10],
@@ -23,12 +23,14 @@
     return Number((Math.round((held - least) / step) * step + least).toFixed(6));
   }
 
+  const lambdaOf = (power) => (power > RANGES.power[0] ? 10 ** power : 0);
+
   /* What the kernel is asked for, whatever the controls hold. */
   function chosen(raw) {
     const family = raw.family === "GVT" ? "GVT" : "MGVT";
     return {
       family,
-      lambda: 10 ** clamp("power", raw.power),
+      lambda: lambdaOf(clamp("power", raw.power)),
       psi: clamp("psi", raw.psi),
       components: family === "GVT" ? 1 : clamp("components", raw.components),
       sources: clamp("sources", raw.sources),
@@ -39,8 +41,9 @@
     };
   }
 
-  /* A power of ten as a reader writes it: 3.2 · 10⁻⁵. */
+  /* Lambda as a reader writes it: 3.2 · 10⁻⁵, or 0. */
   function scientific(power) {
+    if (!lambdaOf(power)) return "0";
     const whole = Math.floor(power + 1e-9), digit = (10 ** (power - whole)).toFixed(1);
     const raised = String(whole).replace(/./g, (sign) => "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"["-0123456789".indexOf(sign)]);
     return `${digit === "1.0" ? "" : `${digit} · `}10${raised}`;

@@ -268,6 +268,33 @@ def test_a_mixture_of_three_and_then_a_gaussian_train_once_a_door_has_moved(open
         shows(panel, ".says", r"^Paused at [1-4],\d+: learning return \d\.\d\d;")
 
 
+POSTED = """
+  const post = Worker.prototype.postMessage;
+  Worker.prototype.postMessage = function (message) {
+    window.posted = message.chosen ?? window.posted;
+    return post.call(this, message);
+  };
+"""
+
+
+def test_lambda_can_be_chosen_from_0_by_its_keys(alone, page):
+    page.add_init_script(POSTED)
+    panel = alone(power=-4.5)
+    power = panel.get_by_label("lambda")
+    said = [power.get_attribute("aria-valuetext")]
+    for key in ("Home", "ArrowRight", "ArrowLeft"):
+        power.press(key)
+        said.append(power.get_attribute("aria-valuetext"))
+    assert said == ["3.2 · 10⁻⁵", "0", "10⁻⁸", "0"]
+    assert panel.locator("[name=power] + output").inner_text() == "0"
+    assert page.evaluate("posted.lambda") == 0
+    panel.get_by_role("button", name="Step").click()
+    shows(panel, ".iteration", "^1$")
+    for family, value in {"Gaussian (GVT)": 1e-3, "mixture (MGVT)": 1e-6}.items():
+        panel.get_by_label(family).check()
+        assert page.evaluate("posted.lambda") == pytest.approx(value)
+
+
 def test_a_drag_leaves_one_mark_and_so_do_presses_at_one_iteration(alone, page):
     panel = alone()
     panel.get_by_label("keep what was learned when a door moves").check()
@@ -320,13 +347,6 @@ def test_where_motion_is_not_wanted_the_panel_moves_every_500_iterations_alone(o
     assert [t // 500 for t in page.evaluate("seen")] == [1, 2]
 
 
-POSTED = """
-  const post = Worker.prototype.postMessage;
-  Worker.prototype.postMessage = function (message) {
-    window.posted = message.chosen ?? window.posted;
-    return post.call(this, message);
-  };
-"""
 NUMBERS = "psi", "components", "sources", "seed"
 
 
