@@ -4,7 +4,7 @@
 (function () {
   /* What a reader may choose: least, most, step and start of each number. */
   const RANGES = {
-    power: [-8, -1, 0.1, -6],
+    power: [-8.1, -1, 0.1, -6], // of ten; the least stands for a lambda of 0
     psi: [0, 1, 0.01, 0.5],
     components: [1, 3, 1, 1],
     sources: [1, 10, 1, 10],
@@ -23,12 +23,14 @@
     return Number((Math.round((held - least) / step) * step + least).toFixed(6));
   }
 
+  const lambdaOf = (power) => (power > RANGES.power[0] ? 10 ** power : 0);
+
   /* What the kernel is asked for, whatever the controls hold. */
   function chosen(raw) {
     const family = raw.family === "GVT" ? "GVT" : "MGVT";
     return {
       family,
-      lambda: 10 ** clamp("power", raw.power),
+      lambda: lambdaOf(clamp("power", raw.power)),
       psi: clamp("psi", raw.psi),
       components: family === "GVT" ? 1 : clamp("components", raw.components),
       sources: clamp("sources", raw.sources),
@@ -39,8 +41,9 @@
     };
   }
 
-  /* A power of ten as a reader writes it: 3.2 · 10⁻⁵. */
+  /* Lambda as a reader writes it: 3.2 · 10⁻⁵, or 0. */
   function scientific(power) {
+    if (!lambdaOf(power)) return "0";
     const whole = Math.floor(power + 1e-9), digit = (10 ** (power - whole)).toFixed(1);
     const raised = String(whole).replace(/./g, (sign) => "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"["-0123456789".indexOf(sign)]);
     return `${digit === "1.0" ? "" : `${digit} · `}10${raised}`;
@@ -92,31 +95,38 @@
       });
       draw(one, "rect", { x: -0.9, y: -0.75, width: 1.8, height: 1.5, class: "reach" });
       draw(one, "rect", { x: -0.5, y: -0.2, width: 1, height: 0.4, rx: 0.2, class: "grip" });
+      draw(one, "rect", { x: -0.65, y: -0.35, width: 1.3, height: 0.7, rx: 0.35, class: "ring" });
       draw(one, "path", { d: "M-.2 -.1 L-.32 0 L-.2 .1 M.2 -.1 L.32 0 L.2 .1", class: "arrows" });
+      let gesture; // a whole drag is one, and so is a key that is held: each leaves one mark at most
       one.addEventListener("keydown", (event) => {
         if (event.altKey || event.ctrlKey || event.metaKey) return; // the browser's own
         const to = moved(this.doors[i], event.key);
-        if (to !== undefined) event.preventDefault();
-        this.move(i, to ?? this.doors[i], true);
+        if (to === undefined) return;
+        event.preventDefault();
+        if (!event.repeat) gesture = {};
+        this.move(i, to, gesture);
       });
-      one.addEventListener("pointerdown", (event) => one.setPointerCapture(event.pointerId));
+      one.addEventListener("pointerdown", (event) => {
+        one.setPointerCapture(event.pointerId);
+        gesture = {};
+      });
       one.addEventListener("pointermove", (event) => {
         if (!one.hasPointerCapture(event.pointerId)) return;
         const inside = this.svg.getScreenCTM().inverse();
         const { x } = new DOMPoint(event.clientX, event.clientY).matrixTransform(inside);
-        this.move(i, clamp("door", x), true);
+        this.move(i, clamp("door", x), gesture);
       });
       return one;
     }
 
-    move(i, door, tell = false) {
-      if (tell && door === this.doors[i]) return;
+    move(i, door, gesture) {
+      if (gesture && door === this.doors[i]) return;
       this.doors[i] = door;
       const y = SIDE - this.heights[i];
       this.walls[i].setAttribute("d", `M0 ${y} H${door - 0.5} M${door + 0.5} ${y} H${SIDE}`);
       this.handles[i].setAttribute("transform", `translate(${door} ${y})`);
       this.handles[i].setAttribute("aria-valuenow", door);
-      if (tell) this.onMove();
+      if (gesture) this.onMove(gesture);
     }
 
     show({ path, last }) {
@@ -156,7 +166,8 @@
     }
 
     mark(iteration) {
-      const x = this.across(iteration);
+      const x = this.across(iteration), last = this.marks.lastElementChild;
+      if (last && Number(last.getAttribute("x1")) === x) return;
       draw(this.marks, "line", { x1: x, x2: x, y1: this.top, y2: this.bottom });
     }
 
@@ -189,7 +200,7 @@
       this.calm = matchMedia("(prefers-reduced-motion: reduce)").matches;
       this.form = this.find("form");
       this.form.family.value = start.family ?? "MGVT";
-      this.plan = new Plan(this.find(".map"), doors, () => this.onDoor());
+      this.plan = new Plan(this.find(".map"), doors, (gesture) => this.onDoor(gesture));
       this.chart = new Chart(this.find(".chart"), this.setup);
       this.worker = new Worker(URL.createObjectURL(new Blob([worker], { type: "text/javascript" })));
       this.worker.onmessage = ({ data }) => this.receive(data);
@@ -266,9 +277,10 @@
       this.send({ rate: Number(this.find("[name=rate]").value), calm: this.calm });
     }
 
-    onDoor() {
+    onDoor(gesture) {
       if (!this.form.keep.checked) return this.begin();
-      if (this.iteration) this.chart.mark(this.iteration);
+      if (this.iteration && !gesture.marked) this.chart.mark(this.iteration);
+      gesture.marked = true;
       return this.send({ doors: this.choice.doors });
     }
 

@@ -198,9 +198,15 @@ class Training {
       this.chosen = { ...this.chosen, doors };
       Object.values(this.runs ?? {}).forEach((run) => run.moveDoors(doors));
     }
-    if (rate !== undefined) Object.assign(this, { rate, calm, owed: 0, before: performance.now() });
+    if (rate !== undefined) this.pace(rate, calm);
     if (steps) this.advance(steps);
     this.waiting ??= setTimeout(() => this.tick(), 0);
+  }
+
+  /* From here on so many iterations a second, and these are counted. */
+  pace(rate, calm) {
+    const now = performance.now();
+    Object.assign(this, { rate, calm, owed: 0, before: now, since: now, done: 0 });
   }
 
   make() {
@@ -211,7 +217,7 @@ class Training {
     if (chosen.fine) this.runs.fine = run("fine", given);
     if (chosen.none) this.runs.none = run("NT", []);
     this.curves = Object.fromEntries(Object.keys(this.runs).map((name) => [name, []]));
-    this.busy = this.done = 0;
+    this.speed = 0;
   }
 
   /* So many iterations, or as many as there are milliseconds for. */
@@ -225,8 +231,6 @@ class Training {
         if (run.steps % every === 0) this.curves[name].push(run.learning);
       }
     }
-    this.busy += performance.now() - start;
-    this.done += done;
     if (transfer.steps >= iterations) this.rate = 0;
     return done;
   }
@@ -238,7 +242,10 @@ class Training {
     if (this.rate) {
       this.owed += (this.rate * (now - this.before)) / 1000;
       this.before = now;
-      this.owed = Math.min(this.owed - this.advance(Math.floor(this.owed), 30), this.rate);
+      const done = this.advance(Math.floor(this.owed), 30);
+      this.owed = Math.min(this.owed - done, this.rate);
+      this.done += done;
+      this.speed = (1000 * this.done) / (performance.now() - this.since);
     }
     this.report();
     if (this.rate) this.waiting ??= setTimeout(() => this.tick(), this.rate < 1000 ? 30 : 0);
@@ -252,8 +259,7 @@ class Training {
     if (look) this.looked = now;
     this.tell({
       running, iteration: transfer.steps, episodes: transfer.episodes, arrival: transfer.arrival,
-      path: transfer.path, last: transfer.last, curves: this.curves,
-      speed: this.busy ? (1000 * this.done) / this.busy : 0,
+      path: transfer.path, last: transfer.last, curves: this.curves, speed: this.speed,
       learning: Object.fromEntries(Object.entries(this.runs).map(([k, r]) => [k, r.learning])),
       ...(look && { maps: transfer.maps(), greedy: transfer.kernel.greedy(10) }),
     });

@@ -8,10 +8,12 @@ import shutil
 import subprocess
 import sys
 from base64 import b64decode
+from io import BytesIO
 from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.image import imread
 
 from vtbook import published, trainer
 from vtbook.experiments.rooms import ROOMS_EVALUATION, ROOMS_EXPLORATION, ROOMS_LIKELIHOOD
@@ -181,6 +183,23 @@ def opened(book, page):
     assert not page.faults
 
 
+@pytest.fixture
+def alone(tmp_path, page):
+    """Opens a page of the panel alone, which needs no built book: the panel, ready to train."""
+
+    def panel_of(**start):
+        html = trainer.train_here(EVALUATION, (2.0, 8.0), **start)
+        file = tmp_path / "panel.html"
+        file.write_text(f"<!doctype html><meta charset=utf-8>{html}", encoding="utf-8")
+        page.goto(file.as_uri(), wait_until="load")
+        panel = page.locator(".trainer")
+        shows(panel, ".says", "^Ready")
+        return panel
+
+    yield panel_of
+    assert not page.faults
+
+
 def trained(panel):
     """The learning returns in the key of the chart after training, by the name of their run."""
     shows(panel, ".says", "^Ready")
@@ -249,6 +268,67 @@ def test_a_mixture_of_three_and_then_a_gaussian_train_once_a_door_has_moved(open
         shows(panel, ".says", r"^Paused at [1-4],\d+: learning return \d\.\d\d;")
 
 
+POSTED = """
+  const post = Worker.prototype.postMessage;
+  Worker.prototype.postMessage = function (message) {
+    window.posted = message.chosen ?? window.posted;
+    return post.call(this, message);
+  };
+"""
+
+
+def test_lambda_can_be_chosen_from_0_by_its_keys(alone, page):
+    page.add_init_script(POSTED)
+    panel = alone(power=-4.5)
+    power = panel.get_by_label("lambda")
+    said = [power.get_attribute("aria-valuetext")]
+    for key in ("Home", "ArrowRight", "ArrowLeft"):
+        power.press(key)
+        said.append(power.get_attribute("aria-valuetext"))
+    assert said == ["3.2 · 10⁻⁵", "0", "10⁻⁸", "0"]
+    assert panel.locator("[name=power] + output").inner_text() == "0"
+    assert page.evaluate("posted.lambda") == 0
+    panel.get_by_role("button", name="Step").click()
+    shows(panel, ".iteration", "^1$")
+    for family, value in {"Gaussian (GVT)": 1e-3, "mixture (MGVT)": 1e-6}.items():
+        panel.get_by_label(family).check()
+        assert page.evaluate("posted.lambda") == pytest.approx(value)
+
+
+def test_a_drag_leaves_one_mark_and_so_do_presses_at_one_iteration(alone, page):
+    panel = alone()
+    panel.get_by_label("keep what was learned when a door moves").check()
+    panel.get_by_role("combobox").select_option(label="100 a second")
+    panel.get_by_role("button", name="Run").click()
+    marks, door = panel.locator(".marks line"), panel.locator(".door").first
+    door.hover()
+    page.mouse.down()
+    place = door.bounding_box()
+    for hundreds in (1, 2, 3):
+        shows(panel, ".iteration", rf"[{hundreds}-9]\d\d$")
+        page.mouse.move(place["x"] + 100 * hundreds, place["y"], steps=20)
+    page.mouse.up()
+    assert float(door.get_attribute("aria-valuenow")) > 5
+    assert marks.count() == 1
+    panel.get_by_role("button", name="Pause").click()
+    shows(panel, ".says", "^Paused")
+    for _ in range(3):
+        door.press("ArrowLeft")
+    panel.locator(".door").last.press("ArrowLeft")
+    assert marks.count() == 2
+
+
+def test_the_panel_says_how_many_iterations_a_second_it_trains(alone):
+    panel = alone()
+    panel.get_by_role("combobox").select_option(label="100 a second")
+    panel.get_by_role("button", name="Run").click()
+    shows(panel, ".iteration", r"^[2-9]\d\d$")
+    assert 60 < float(panel.locator(".speed").inner_text()) < 140
+    panel.get_by_role("combobox").select_option(label="15 a second: watch it walk")
+    panel.page.wait_for_timeout(2_000)
+    assert 8 < float(panel.locator(".speed").inner_text()) < 25
+
+
 SEEN = """shown => {
   window.seen = [];
   const look = () => window.seen.push(Number(shown.innerText.replace(",", "")));
@@ -265,6 +345,41 @@ def test_where_motion_is_not_wanted_the_panel_moves_every_500_iterations_alone(o
     panel.get_by_role("button", name="Run").click()
     shows(panel, ".iteration", "^1,[0-4]")
     assert [t // 500 for t in page.evaluate("seen")] == [1, 2]
+
+
+NUMBERS = "psi", "components", "sources", "seed"
+
+
+def test_what_is_shown_is_trained_after_a_reader_left_and_went_back(alone, page):
+    page.add_init_script(POSTED)
+    panel = alone()
+    panel.get_by_label("Gaussian (GVT)").check()
+    panel.get_by_label("psi").press("End")
+    panel.get_by_label("number of sources").press("Home")
+    panel.get_by_role("button", name="another").click()
+    panel.get_by_role("checkbox", name="no transfer").uncheck()
+    page.goto("about:blank")
+    page.go_back()
+    shows(panel, ".says", "^Ready")
+    sent = page.evaluate("posted")
+    shown = {x: float(panel.locator(f"[name={x}]").input_value()) for x in NUMBERS}
+    assert shown == {x: sent[x] for x in NUMBERS}
+    assert panel.locator("[name=family]:checked").input_value() == sent["family"]
+    assert panel.get_by_role("checkbox", name="no transfer").is_checked() == sent["none"]
+    power = float(panel.get_by_label("lambda").input_value())
+    assert 10**power == pytest.approx(sent["lambda"])
+
+
+def test_a_ring_around_its_grip_shows_a_door_that_has_the_focus(alone, page):
+    panel = alone()
+    before = imread(BytesIO(page.screenshot()))
+    panel.locator(".door").first.focus()
+    changed = np.nonzero((imread(BytesIO(page.screenshot())) != before).any(2))
+    grip = panel.locator(".grip").first.bounding_box()
+    for places, start, size in zip(changed, "yx", ("height", "width"), strict=True):
+        beyond = grip[start] - places.min(), places.max() - grip[start] - grip[size]
+        assert min(beyond) > 3
+        assert max(beyond) < 15
 
 
 def test_without_vector_instructions_the_panel_says_so(opened, page):

@@ -59,6 +59,24 @@ test("keys move a door within its range, and numbers, colours and walls are as d
   assert.deepEqual(panel.wallsOf(1), [5]);
 });
 
+test("the least place of lambda is 0, and the next 1e-8", () => {
+  const [least, , step] = panel.RANGES.power, lambda = (power) => panel.chosen({ power, doors: [] }).lambda;
+  assert.equal(lambda(least), 0);
+  assert.equal(panel.scientific(least), "0");
+  close(lambda(least + step), 1e-8, 1e-20);
+  assert.equal(panel.scientific(panel.clamp("power", least + step)), "10⁻⁸");
+  for (const power of [-6, -3]) close(lambda(power), 10 ** power, 1e-12);
+});
+
+test("a run with a lambda of 0 trains, and unlike one with a larger", () => {
+  for (const family of ["MGVT", "GVT"]) {
+    const free = run({ family, lambda: 0 }), start = means(free, 0), after = means(free, 100);
+    assert.ok(after.every(Number.isFinite));
+    assert.notDeepEqual(after, start);
+    assert.notDeepEqual(means(run({ family, lambda: 0.1 }), 100), after);
+  }
+});
+
 test("sources are drawn by the seed, each at most once", () => {
   const drawn = worker.choose(50, 10, 7);
   assert.deepEqual(drawn, worker.choose(50, 10, 7));
