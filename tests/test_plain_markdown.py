@@ -53,6 +53,7 @@ def plain(extension):
             "**Listing 5.1.** All.\n\n```python\n# a.py\n```",
         ),
         ("5. [Draw $s$]{.in-2}", "5. " + "&nbsp;" * 8 + "Draw $s$"),
+        ("1. So\n\n   $$\n   x\n   $$ (eq-5-2)", "1. So\n\n   $$\n   x\n   \\tag{5.2}\n   $$"),
         ("```python\nprint(1)\n```", "```python\nprint(1)\n```"),
     ],
 )

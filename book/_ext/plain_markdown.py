@@ -15,7 +15,8 @@ FENCE = re.compile(r"^(`{3,}|:{3,})(?:\{([\w-]+)\})?(.*)$")
 OPTION = re.compile(r"^:([\w-]+):\s*(.*)$")
 TARGET = re.compile(r"^\([\w-]+\)=\n?", re.MULTILINE)
 ROLE = re.compile(r"\{([\w:]+)\}(`+)(.+?)\2", re.DOTALL)
-EQUATION = re.compile(r"^\$\$ \((\S+)\)$", re.MULTILINE)
+EQUATION = re.compile(r"^( *)\$\$ \((\S+)\)$", re.MULTILINE)
+TAG = re.compile(r"\\tag\{(eq-[\w-]+)\}")
 SPAN = re.compile(r"\[([^\[\]]*(?:\[[^\]]*\][^\[\]]*)*)\]\{\.in-(\d)\}", re.DOTALL)
 GAP = "&nbsp;" * 4  # by which a step of an algorithm stands to the right
 
@@ -101,7 +102,8 @@ def _list_table(inner: str) -> str:
 def _inline(text: str, filling: Filling) -> str:
     """Roles, targets, numbers of equations and macros of formulas; code stays as it is."""
     text = TARGET.sub("", text)
-    text = EQUATION.sub(lambda found: rf"\tag{{{filling.number(found[1])}}}" + "\n$$", text)
+    text = EQUATION.sub(r"\1\\tag{\2}\n\1$$", text)
+    text = TAG.sub(lambda found: rf"\tag{{{filling.number(found[1])}}}", text)
     text = SPAN.sub(lambda found: GAP * int(found[2]) + found[1], text)
     text = ROLE.sub(lambda found: filling.link(found[1], " ".join(found[3].split())), text)
     for name, meaning in filling.macros.items():
