@@ -12,7 +12,7 @@ import numpy as np
 from attrs import evolve, frozen
 from xarray import Dataset
 
-from vtbook import plots
+from vtbook import plots, processors
 from vtbook.experiments.grids import (
     POSTERIORS,
     PSIS,
@@ -170,7 +170,8 @@ class LivePanel:
                 counts={"live": self._sources.value},
                 iterations=self._iterations.value,
             )
-            arrays = run_batch(live, "live", range(self._runs.value), self._weights, self._progress)
+            runs, given = range(self._runs.value), (self._weights, self._progress)
+            arrays = run_batch(live, "live", runs, *given, threads=processors())
             label, at = f"{setting[-1]}, just now", arrays["iterations"]
             self._draw([Curve(label, at, arrays[kind], NEW) for kind in plots.KINDS.values()])
             self._says.value = f"{'stopped' if self._halt.is_set() else 'done'} at {at[-1]:,}"

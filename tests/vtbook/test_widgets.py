@@ -8,7 +8,7 @@ import pytest
 from attrs import evolve
 from xarray import Dataset
 
-from vtbook import widgets
+from vtbook import processors, widgets
 from vtbook.experiments.cartpole import CARTPOLE
 from vtbook.experiments.grids import POSTERIORS, slider_thesis
 from vtbook.experiments.maze import MAIN, MAZE_TARGETS
@@ -107,6 +107,7 @@ def test_a_panel_trains_what_its_sliders_say_on_the_stored_random_numbers(monkey
     trained(panel, parts)
     for call in asked.call_args_list:
         experiment, label, runs, given, _ = call.args
+        assert call.kwargs == {"threads": processors()}
         assert experiment.algorithms == {label: evolve(MGVT, lambda_=1e-4, psi=0.0, components=2)}
         assert (experiment.sources_of(label), experiment.iterations) == (1, 200)
         assert (experiment.stream, list(runs)) == (TINY.stream, [0, 1])
