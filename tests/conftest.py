@@ -20,12 +20,13 @@ import numpy as np
 import psutil
 import pytest
 
-from vtbook import widgets
+from vtbook import plots, widgets
 from vtlib.baselines import DDQNSettings, MellowTDSettings
 from vtlib.envs.cartpole import CartpoleFamily
 from vtlib.experiments.experiment import Experiment, Pool
 from vtlib.transfer import Settings
 
+os.environ[plots.CHECKED] = "1"  # here and in what tests start
 ROOT = Path(__file__).resolve().parents[1]
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 FOREIGN = re.compile(r"^(?!file:|data:|blob:|http://127\.0\.0\.1[:/])")

@@ -1,4 +1,7 @@
-"""Solve, transfer and evaluate on ordinary Gymnasium environments, one call each."""
+"""Solve, transfer and evaluate on ordinary Gymnasium environments, one call each.
+
+All compute with one of torch's threads, whatever is set: small tensors take longer with more.
+"""
 
 import io
 from collections.abc import Callable, Sequence
@@ -22,7 +25,7 @@ from vtlib.experiments.store import TornResult, write_bytes
 from vtlib.qfunctions import QFunction
 from vtlib.recommended import Recommended
 from vtlib.rng import Rng, generator
-from vtlib.training import Agent, check_finite, iterate
+from vtlib.training import Agent, check_finite, iterate, one_thread
 from vtlib.transfer import Settings, VariationalTransfer
 
 EVERY = 100  # iterations from one record to the next
@@ -83,6 +86,7 @@ class Learned:
             raise TornResult(f"{path} is not what Learned.save wrote") from error
 
 
+@one_thread()
 def solve(
     envs: Sequence[gymnasium.Env],
     q: QFunction,
@@ -113,6 +117,7 @@ def solve(
     return _learn(agent, episodes, iterations, name, callback, progress)
 
 
+@one_thread()
 def transfer(
     envs: Sequence[gymnasium.Env],
     q: QFunction,
@@ -175,6 +180,7 @@ def transfer(
     return evolve(learned, weights=weights, steps=learned.steps + took, improved=improved)
 
 
+@one_thread()
 def evaluate(
     envs: Sequence[gymnasium.Env],
     q: QFunction,

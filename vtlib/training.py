@@ -45,7 +45,11 @@ class Curves:
 
 @contextlib.contextmanager
 def one_thread() -> Iterator[None]:
-    """What is stored is computed so, and compared so: torch rounds otherwise with more threads."""
+    """All learning is computed so, and torch's own setting restored after it.
+
+    With more threads torch rounds otherwise; and tensors as small as these take longer, many times
+    as long where processors are busy.
+    """
     before = torch.get_num_threads()
     torch.set_num_threads(1)
     try:
@@ -64,6 +68,7 @@ def iterate(agent: Agent, episodes: Episodes | GymEpisodes) -> Iterator[int]:
         yield t
 
 
+@one_thread()
 def train(
     agent: Agent,
     episodes: Episodes | GymEpisodes,

@@ -2,3 +2,17 @@
 
 ``vtlib`` is the method and what runs experiments; it knows nothing of these.
 """
+
+import os
+
+import torch
+
+# A page is an application, which may decide this for its process, wherever it is opened: with more
+# threads tensors as small as these take longer, many times as long where processors are busy.
+torch.set_num_threads(1)
+
+
+def processors() -> int:
+    """The number of processors that this process may use."""
+    known = hasattr(os, "sched_getaffinity")  # not everywhere
+    return len(os.sched_getaffinity(0)) if known else os.cpu_count() or 1

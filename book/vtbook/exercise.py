@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from attrs import evolve
 
+from vtbook import processors
 from vtlib.checks import check_one_of, check_whole
 from vtlib.experiments import returns
 from vtlib.experiments.experiment import Algorithm, Experiment
@@ -34,7 +35,8 @@ def try_settings(
         probes=0,
         probe=None,
     )
-    new = run_batch(own, label, range(runs), weights(experiment.pool))["learning"].mean(1)
+    sources = weights(experiment.pool)
+    new = run_batch(own, label, range(runs), sources, threads=processors())["learning"].mean(1)
     kept = returns(experiment, label).isel(run=slice(runs))
     old = kept.learning.sel(iteration=slice(iterations)).mean("iteration").values
     return "\n".join(

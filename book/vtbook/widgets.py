@@ -12,11 +12,10 @@ import numpy as np
 from attrs import evolve, frozen
 from xarray import Dataset
 
-from vtbook import plots
+from vtbook import plots, processors
 from vtbook.experiments.grids import (
     POSTERIORS,
     PSIS,
-    slider_lambdas,
     slider_settings,
     slider_thesis,
 )
@@ -25,6 +24,7 @@ from vtlib.experiments.experiment import Experiment
 from vtlib.experiments.run import run_batch
 from vtlib.transfer import Settings
 
+LAMBDAS = (0.0, *(float(f"1e{power}") for power in range(-8, 0)))  # of the live panel
 NEW = "#000000"  # of the new curve, solid beside the dashed optimum
 
 
@@ -124,7 +124,7 @@ class LivePanel:
         self._experiment, self._weights = experiment, weights
         self._thesis = slider_thesis(experiment)
         self._stored, self._optimum = plots.panels(stored), plots.mean_optimum(stored)
-        axes = parameter_axes(self._thesis, slider_lambdas(self._thesis["1-MGVT"]))
+        axes = parameter_axes(self._thesis, LAMBDAS)
         self._axes = [_slider(axis) for axis in axes]
         self._runs = _number("runs", 2, runs, experiment.runs)
         self._sources = _number("sources", 1, experiment.sources, experiment.sources)
@@ -170,7 +170,8 @@ class LivePanel:
                 counts={"live": self._sources.value},
                 iterations=self._iterations.value,
             )
-            arrays = run_batch(live, "live", range(self._runs.value), self._weights, self._progress)
+            runs, given = range(self._runs.value), (self._weights, self._progress)
+            arrays = run_batch(live, "live", runs, *given, threads=processors())
             label, at = f"{setting[-1]}, just now", arrays["iterations"]
             self._draw([Curve(label, at, arrays[kind], NEW) for kind in plots.KINDS.values()])
             self._says.value = f"{'stopped' if self._halt.is_set() else 'done'} at {at[-1]:,}"

@@ -12,6 +12,7 @@ from vtlib.experiments import heads, run, schedule, sources, store
 from vtlib.experiments.heads import check_heads, live_check
 from vtlib.native.runs import NativeRun
 from vtlib.priors import MixturePrior
+from vtlib.training import Curves
 
 CART, ROOMS = CARTPOLE.published, ROOMS_EVALUATION.published
 STORED, NOTE = store.stored(CART, "DDQN")
@@ -84,7 +85,12 @@ def test_runs_that_any_rounding_sends_elsewhere_do_not_count(monkeypatch, sensit
 
 
 def test_what_is_compared_is_computed_with_one_thread(monkeypatch):
-    monkeypatch.setattr(run, "run_batch", lambda *_: {"fingerprints": torch.get_num_threads()})
+    nothing = np.zeros(0)
+
+    def counted(*_):
+        return Curves(nothing, nothing, nothing, np.array(torch.get_num_threads()))
+
+    monkeypatch.setattr(run, "train", counted)
     unit = next(one for one in schedule.units_of(CART) if one.label == "DDQN")
     before = torch.get_num_threads()
     torch.set_num_threads(2)

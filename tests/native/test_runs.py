@@ -130,7 +130,7 @@ def test_progress_may_stop_runs_and_one_that_diverged_is_named():
         train_natively(*arguments)
 
 
-def test_as_many_runs_advance_at_once_as_torch_has_threads(monkeypatch):
+def test_as_many_runs_advance_at_once_as_there_are_threads(monkeypatch):
     together, advance = threading.Barrier(2, timeout=60), NativeRun.advance
 
     def met(run, iterations):
@@ -138,13 +138,8 @@ def test_as_many_runs_advance_at_once_as_torch_has_threads(monkeypatch):
         advance(run, iterations)
 
     monkeypatch.setattr(NativeRun, "advance", met)
-    before = torch.get_num_threads()
-    torch.set_num_threads(2)
-    try:
-        runs = [both(ROOMS, Settings(), run)[0] for run in (3, 4)]
-        found = train_natively(runs, lambda mu: mu.sum((1, 2)), 40, 20, ["a", "b"])
-    finally:
-        torch.set_num_threads(before)
+    runs = [both(ROOMS, Settings(), run)[0] for run in (3, 4)]
+    found = train_natively(runs, lambda mu: mu.sum((1, 2)), 40, 20, ["a", "b"], threads=2)
     monkeypatch.undo()
     for run, mean in zip((3, 4), found.greedy[:, -1], strict=True):
         alone = both(ROOMS, Settings(), run)[0]

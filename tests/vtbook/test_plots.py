@@ -90,7 +90,7 @@ def spans(shade, at, low, high):
     return np.abs(corners - wanted[:, None]).max(2).min(1).max() < 1e-9
 
 
-def test_a_figure_draws_each_kind_of_return_with_its_band_and_the_optimum_dashed():
+def test_a_figure_draws_each_kind_of_return_with_its_band_and_the_optimum_dashed(monkeypatch):
     stored = runs(0)
     figure = plots.returns_figure({"NT": stored, "GVT": runs(1)}, (-0.02, 0.9))
     at = stored.iteration.values
@@ -117,6 +117,24 @@ def test_a_figure_draws_each_kind_of_return_with_its_band_and_the_optimum_dashed
     legend.get_texts()[0].set_text("a name as long as the figure is wide " * 3)
     with pytest.raises(ValueError, match="cut off"):
         plots.small_png(figure)
+    monkeypatch.delenv(plots.CHECKED)  # as where a reader draws
+    plots.small_png(figure)
+
+
+@pytest.mark.parametrize("width", [7.6, 4.1])
+@pytest.mark.parametrize("words", [1, 4, 9])
+def test_a_legend_has_as_many_columns_as_find_room(words, width):
+    labels = [f"{i} {' word' * words}" for i in range(3)]
+    lines = [plots.Curve(x, np.array([1, 2]), np.eye(2), OPTIMUM) for x in labels]
+    with plots.look():
+        figure = plots.learning_figure({"learning return": lines}, 0.5, (0, 1), width=width)
+    plots.small_png(figure)  # which would say that it is cut off
+    (legend,) = figure.legends
+    assert [x.get_text() for x in legend.get_texts()][:3] == labels
+
+
+def test_exponents_are_raised_and_nothing_is_0():
+    assert [plots.power_of_ten(x) for x in (0.0, 1e-6, 0.1)] == ["0", "10⁻⁶", "10⁻¹"]
 
 
 def published(seed):

@@ -4,29 +4,55 @@ import threading
 from unittest.mock import Mock
 
 import numpy as np
+import pytest
 from attrs import evolve
 from xarray import Dataset
 
-from vtbook import widgets
-from vtbook.experiments.protocols import transfer_settings
+from vtbook import processors, widgets
+from vtbook.experiments.cartpole import CARTPOLE
+from vtbook.experiments.grids import POSTERIORS, slider_thesis
+from vtbook.experiments.maze import MAIN, MAZE_TARGETS
+from vtbook.experiments.mountain_car import CAR
+from vtbook.experiments.protocols import FROM_MEAN, transfer_settings
 from vtbook.experiments.rooms import ROOMS_EVALUATION
 from vtbook.widgets import LivePanel
+from vtlib.experiments import returns
+from vtlib.experiments.store import weights
 
 TINY = evolve(ROOMS_EVALUATION.equations, runs=3, sources=2, iterations=400, every=100)
 MGVT = transfer_settings(TINY, "1-MGVT")
+PAGES = {  # the experiment of each page that has a panel, and what is drawn beside
+    "rooms_evaluation": (ROOMS_EVALUATION, ("NT", "GVT")),
+    "cartpole": (CARTPOLE, ("DDQN", FROM_MEAN)),
+    "mountain_car": (CAR, ("DDQN", FROM_MEAN)),
+    "mazes": (MAZE_TARGETS[MAIN], ("DDQN", FROM_MEAN)),
+}
 WEIGHTS = 0.1 * np.random.default_rng(0).random((50, TINY.family.q().d), dtype=np.float32)
 
 
 def panel_of(experiment=TINY):
-    """A panel over stored curves of two algorithms, and its parts by their words or kinds."""
+    """A panel over stored curves of two algorithms, and its parts."""
     curve = ("run", "iteration"), np.random.default_rng(0).random((3, 4)) * 0.5
     data = {"learning": curve, "greedy": curve, "optimum": ("run", np.ones(3))}
     stored = Dataset(data, {"iteration": np.arange(100, 500, 100)})
     panel = LivePanel(experiment, WEIGHTS, {"NT": stored, "GVT": stored}, runs=2, iterations=200)
+    return panel, parts_of(panel)
+
+
+def panel_of_page(name):
+    """The panel of a page, for a short training, and its parts."""
+    (here, _), labels = PAGES[name]
+    stored = {label: returns(here, label) for label in labels}
+    panel = LivePanel(here, weights(here.pool), stored, runs=2, iterations=200)
+    return panel, parts_of(panel)
+
+
+def parts_of(panel):
+    """The parts of a panel by their words or kinds."""
     above = panel.widget.children
     below = [part for whole in above for part in getattr(whole, "children", ())]
     each = (*above, *below)
-    return panel, {getattr(x, "description", "") or type(x).__name__: x for x in each}
+    return {getattr(x, "description", "") or type(x).__name__: x for x in each}
 
 
 def trained(panel, parts):
@@ -36,7 +62,7 @@ def trained(panel, parts):
     return parts["Label"].value
 
 
-def quick(experiment, label, runs, *_):
+def quick(experiment, label, runs, *_, **__):
     """What a training to the end would give, at once."""
     at = np.arange(experiment.every, experiment.iterations + 1, experiment.every)
     return {"iterations": at} | dict.fromkeys(("learning", "greedy"), np.ones((len(runs), len(at))))
@@ -44,7 +70,8 @@ def quick(experiment, label, runs, *_):
 
 def test_a_panel_shows_what_is_stored_then_trains_and_draws_until_it_is_stopped(monkeypatch):
     gate, real = threading.Event(), widgets.run_batch
-    monkeypatch.setattr(widgets, "run_batch", lambda *call: gate.wait(30) and real(*call))
+    late = Mock(side_effect=lambda *call, **how: gate.wait(30) and real(*call, **how))
+    monkeypatch.setattr(widgets, "run_batch", late)
     figures = Mock(wraps=widgets.learning_figure)
     monkeypatch.setattr(widgets, "learning_figure", figures)
     panel, parts = panel_of()
@@ -73,18 +100,48 @@ def test_a_panel_trains_what_its_sliders_say_on_the_stored_random_numbers(monkey
     asked = Mock(side_effect=quick)
     monkeypatch.setattr(widgets, "run_batch", asked)
     panel, parts = panel_of(evolve(TINY, counts={"1-MGVT": 1}))
-    for slider, index in zip(panel.widget.children, (4, 0, 2), strict=False):
-        slider.index = index
+    for slider, value in zip(panel.widget.children, (1e-4, 0.0, "2-MGVT"), strict=False):
+        slider.value = value
     parts["sources"].value = 1
     trained(panel, parts)
     trained(panel, parts)
     for call in asked.call_args_list:
-        experiment, label, runs, weights, _ = call.args
+        experiment, label, runs, given, _ = call.args
+        assert call.kwargs == {"threads": processors()}
         assert experiment.algorithms == {label: evolve(MGVT, lambda_=1e-4, psi=0.0, components=2)}
         assert (experiment.sources_of(label), experiment.iterations) == (1, 200)
         assert (experiment.stream, list(runs)) == (TINY.stream, [0, 1])
-        assert weights is WEIGHTS
+        assert given is WEIGHTS
     assert "of NT, GVT, 2-MGVT, just now." in parts["HTML"].value
+
+
+@pytest.mark.parametrize("name", PAGES)
+def test_the_panel_of_each_page_draws_a_new_curve_of_each_posterior(monkeypatch, name):
+    asked = Mock(side_effect=quick)
+    monkeypatch.setattr(widgets, "run_batch", asked)
+    (here, _), labels = PAGES[name]
+    panel, parts = panel_of_page(name)
+    lambda_, _, posterior = panel.widget.children[:3]
+    assert lambda_.value == slider_thesis(here)["1-MGVT"].lambda_
+    for value, kind in zip((0.0, 1e-8, 1e-3, 0.1), POSTERIORS, strict=True):
+        before = parts["HTML"].value
+        lambda_.value, posterior.value = value, kind
+        assert trained(panel, parts) == "done at 200"
+        assert parts["HTML"].value != before
+        assert f"return of {', '.join(labels)}, {kind}, just now." in parts["HTML"].value
+        settings = asked.call_args.args[0].algorithms["live"]
+        assert (settings.lambda_, settings.family == "gaussian") == (value, kind == "GVT")
+        # which the posterior leaves where it was put
+        assert lambda_.value == value
+    assert [text for text, _ in lambda_.options] == ["0", *(f"10⁻{x}" for x in "⁸⁷⁶⁵⁴³²¹")]
+
+
+@pytest.mark.parametrize("name", PAGES)
+def test_the_panel_of_each_page_trains(name):
+    panel, parts = panel_of_page(name)
+    before = parts["HTML"].value
+    assert trained(panel, parts) == "done at 200"
+    assert parts["HTML"].value != before
 
 
 def test_any_error_is_shown_and_the_next_training_runs(monkeypatch):

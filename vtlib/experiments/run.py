@@ -80,6 +80,7 @@ def _given(experiment: Experiment, label: str, runs: Sequence[int], weights: np.
     return torch.from_numpy(weights[chosen])
 
 
+@one_thread()
 def run_batch(
     experiment: Experiment,
     label: str,
@@ -87,13 +88,15 @@ def run_batch(
     weights: np.ndarray,
     progress: Callable[[int], bool] | None = None,
     device: str = "cpu",
+    threads: int = 1,
 ) -> dict[str, np.ndarray]:
     """Train some runs of the algorithm of that label to the experiment's end: arrays to store.
 
     run (R,), iterations (T,) at which returns were recorded, learning and greedy returns (R, T),
     fingerprints (R, 3, 4), and whatever the experiment's visits and probes add, over the runs.
     weights and device are as for ``prepare``; progress is told the iteration at each record, and
-    stops the training by returning False. Another engine can stand here, as the kernels do.
+    stops the training by returning False. Another engine can stand here, as the kernels do: they
+    advance as many runs at once as there are threads.
     """
     names = [f"run {run} of {experiment.name}, {label}" for run in runs]
     how = experiment.iterations, experiment.every, names, progress
@@ -101,7 +104,7 @@ def run_batch(
     known = device == "cpu" and by_kernels(experiment, label)
     alone = prepare_natively(experiment, label, runs, weights) if known else None
     if alone is not None:
-        curves = train_natively(alone, _evaluation(experiment, runs), *how)
+        curves = train_natively(alone, _evaluation(experiment, runs), *how, threads)
     else:
         batch, probe = prepare(experiment, label, runs, weights, device), None
         if experiment.probe is not None:
@@ -149,7 +152,6 @@ def by_kernels(experiment: Experiment, label: str) -> bool:
     return supports(*known)
 
 
-@one_thread()
 def head(
     experiment: Experiment, label: str, runs: Sequence[int], weights: np.ndarray
 ) -> np.ndarray:

@@ -20,7 +20,7 @@ from vtlib.envs.base import TaskFamily, Tasks
 from vtlib.native import kernels
 from vtlib.posteriors.dense import start_factors
 from vtlib.rng import generator
-from vtlib.training import FINGERPRINTS, Curves, check_finite, curves_of, one_thread
+from vtlib.training import FINGERPRINTS, Curves, check_finite, curves_of
 from vtlib.transfer import Settings
 
 LEARNER, GAUSSIAN, MIXTURE = range(3)
@@ -229,19 +229,20 @@ def train_natively(
     every: int,
     names: list[str],
     progress: Callable[[int], bool] | None = None,
+    threads: int = 1,
 ) -> Curves:
     """As ``vtlib.training.train``; each run goes on alone from one record to the next.
 
-    As many run at once as torch has threads, for the kernels leave Python's lock to others, and
-    go on while they are evaluated.
+    As many run at once as there are threads, for the kernels leave Python's lock to others, and go
+    on while they are evaluated.
     """
     kept, learning, greedy, prints = [], [], [], []
     records = range(every, iterations + 1, every)
     times = sorted({*records, *(f for f in FINGERPRINTS if f <= iterations)})
-    threads = ThreadPoolExecutor(torch.get_num_threads())
+    pool = ThreadPoolExecutor(threads)
 
     def advance(count: int) -> list[Future[None]]:
-        return [threads.submit(run.advance, count) for run in runs]
+        return [pool.submit(run.advance, count) for run in runs]
 
     try:
         under_way = advance(times[0])
@@ -258,10 +259,9 @@ def train_natively(
             if later is not None:
                 under_way = advance(later - t)
             if t in records:
-                with one_thread():  # others have no core to themselves, and would be waited for
-                    greedy.append(evaluate(mu).numpy())
+                greedy.append(evaluate(mu).numpy())
                 if progress is not None and not progress(t):
                     break
     finally:
-        threads.shutdown(cancel_futures=True)
+        pool.shutdown(cancel_futures=True)
     return curves_of(len(runs), kept, learning, greedy, prints)
