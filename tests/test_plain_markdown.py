@@ -37,6 +37,10 @@ def plain(extension):
             "> **The answer**\n>\n> Yes, 91%.",
         ),
         (
+            ":::{admonition} Solution\n:class: dropdown\n\nNo.\n:::",
+            "<details><summary>Solution</summary>\n\nNo.\n\n</details>",
+        ),
+        (
             ":::{table} One.\n:name: tab-one\n\n| a |\n| --- |\n:::",
             "**Table 6.1.** One.\n\n| a |\n| --- |",
         ),

@@ -69,6 +69,9 @@ def _directive(name: str, title: str, body: list[str], filling: Filling) -> str:
         options[option[1]] = option[2]
         body.pop(0)
     inner = "\n".join(body).strip("\n")
+    if name == "admonition" and "dropdown" in options.get("class", ""):
+        summary = f"<details><summary>{title}</summary>"
+        return f"{summary}\n\n{plain(inner, filling)}\n\n</details>"
     if name == "admonition":
         box = f"**{title}**\n\n{plain(inner, filling)}"
         return "\n".join(f"> {line}".rstrip() for line in box.split("\n"))

@@ -113,6 +113,16 @@ def write_bytes(path: Path, data: bytes) -> None:
         raise
 
 
+def _elsewhere() -> str:
+    """What to do where there are no stored results at all, as after an installation without them."""
+    if (folder := results_folder()).is_dir():
+        return ""
+    return (
+        f", for there is no folder {folder}: the book's results are book/results of its repository; "
+        "run in a checkout, or set VTLIB_RESULTS to that folder"
+    )
+
+
 def read(path: Path) -> tuple[Arrays, Note]:
     """Arrays and provenance of a stored result.
 
@@ -120,7 +130,7 @@ def read(path: Path) -> tuple[Arrays, Note]:
     """
     npz, note = path.with_name(path.name + ".npz"), path.with_name(path.name + ".json")
     if not note.exists():
-        raise FileNotFoundError(f"no stored result at {path}")
+        raise FileNotFoundError(f"no stored result at {path}{_elsewhere()}")
     try:
         provenance = json.loads(note.read_text())
         if not (isinstance(provenance, dict) and isinstance(provenance.get("sha256"), str)):
