@@ -19,7 +19,6 @@ from vtlib.checks import one_line
 from vtlib.experiments import checks, installed, known, named, store
 from vtlib.experiments.experiment import Experiment
 from vtlib.experiments.heads import verify_heads
-from vtlib.experiments.ledger import record
 from vtlib.experiments.reproduce import differing, report, reproduce
 from vtlib.experiments.schedule import complete
 from vtlib.experiments.whole import Whole, verify
@@ -57,8 +56,6 @@ def _parser() -> argparse.ArgumentParser:
     told = "draw the runs that this number drew before"
     seed = _like("[0-9]+", "a whole number of at least 0", int)
     how.add_argument("--seed", type=seed, help=told)
-    told = "note in the results' folder what was computed anew of experiments"
-    verify.add_argument("--record", action="store_true", help=told)
     again = commands.add_parser("reproduce", help="compute everything anew and compare")
     again.add_argument("--only", action="append", metavar="EXPERIMENT", help="may be repeated")
     told = "only the first so many of each experiment"
@@ -119,13 +116,9 @@ def _verify(options: argparse.Namespace) -> int:
         raise ValueError(f"--heads must not be asked of {', '.join(whole)}, which has none")
     experiments = _chosen(name for name in names if name not in checks())
     store.check_readable(root)
-    if options.record:
-        store.check_writable(root)
     rng = None if options.whole or options.heads else _drawing(options)
     computed, bad = verify_heads if options.heads else partial(verify, rng=rng), 0
     for owner, label, found in computed(*experiments, root=root):
-        if options.record and not options.heads:
-            record(owner, label, found, root)
         said = _told_of_heads(found) if options.heads else _told(found)
         print(f"{owner.name}/{label}: {said}", flush=True)
         bad += len(found.wrong)

@@ -133,14 +133,6 @@ class Runs:
         end, own = self.stored.learning.values[:, -1], self.stored.optimum.values - self.floor
         return int((end - self.floor < OPTIMAL * own).sum())
 
-    def restlessness(self, t: int) -> Interval:
-        """How much faster the mean greedy curve moves until an iteration; interval: bootstrap."""
-        curves, at = self.stored.greedy.values, self.stored.iteration.values
-        rng = generator("claims", t, "restlessness")
-        drawn = [curves[rng.integers(len(curves), size=len(curves))].mean(0) for _ in range(2_000)]
-        low, high = np.quantile([_restlessness(x, at, t) for x in drawn], [0.025, 0.975])
-        return Interval(_restlessness(curves.mean(0), at, t), float(low), float(high))
-
 
 @frozen(eq=False)
 class Printed:
@@ -168,15 +160,6 @@ class Printed:
         """Width of the band at an iteration, by that of another algorithm."""
         own, others = (x.learning.at(t) for x in (self, other))
         return exactly(float((own.high - own.low) / (others.high - others.low)))
-
-    def restlessness(self, t: int) -> Interval:
-        """How much faster the mean greedy curve moves until an iteration than afterwards."""
-        return exactly(_restlessness(self.greedy.mean, self.greedy.iterations, t))
-
-
-def _restlessness(curve: np.ndarray, iterations: np.ndarray, t: int) -> float:
-    steps, early = np.abs(np.diff(curve)), iterations[1:] <= t
-    return float(steps[early].mean() / max(steps[~early].mean(), 1e-9))
 
 
 def exactly(value: float) -> Interval:

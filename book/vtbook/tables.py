@@ -10,7 +10,7 @@ from typing import Any
 import attrs
 import numpy as np
 
-from vtbook.claims import VERDICTS, Claim, Figure
+from vtbook.claims import VERDICTS, Claim
 from vtbook.costs import Cost
 from vtlib.experiments.experiment import Experiment
 from vtlib.stats import Interval
@@ -117,23 +117,6 @@ def tally(claims: Iterable[Claim], protocol: str) -> dict[str, int]:
     """How many claims of the thesis' own have each verdict in a protocol."""
     found = [x.verdict(protocol) for x in claims if protocol in x.found and not x.ours]
     return {verdict: found.count(verdict) for verdict in VERDICTS}
-
-
-def overlap_table(figures: Mapping[str, Figure]) -> str:
-    """Share of the iterations at which our interval meets the published one, for each curve."""
-
-    def share(figure: Figure, protocol: str, label: str, kind: str) -> str:
-        if protocol not in figure.protocols:
-            return "not run"
-        return f"{figure.overlap(protocol, label, kind):.0%}"
-
-    rows = [
-        [title, label, kind, *(share(figure, x, label, kind) for x in PROTOCOLS)]
-        for title, figure in figures.items()
-        for label in figure.printed
-        for kind in ("learning", "greedy")
-    ]
-    return html_table(["figure", "algorithm", "return", *PROTOCOLS.values()], rows)
 
 
 def cost_of_sources_table(costs: Mapping[str, Cost]) -> str:

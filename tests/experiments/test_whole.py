@@ -1,4 +1,4 @@
-"""Whole runs computed anew: every number that could be forged, faults that show late, and notes."""
+"""Whole runs computed anew: every number that could be forged, and faults that show late."""
 
 import numpy as np
 import pytest
@@ -9,7 +9,6 @@ from vtbook.experiments.rooms import ROOMS_EVALUATION
 from vtlib import baselines, native
 from vtlib.experiments import run, sources, store, whole
 from vtlib.experiments.heads import check_heads
-from vtlib.experiments.ledger import FIELDS, NAME, record, recorded
 from vtlib.experiments.whole import Whole, check_runs, verify
 
 EVERY, ROOMS = [0, 1, 2], ROOMS_EVALUATION.published
@@ -276,31 +275,3 @@ def test_runs_of_the_engine_are_computed_in_the_batches_of_the_store(tiny, monke
         asked.clear()
     # as they are where visits are asked for
     assert not whole.by_kernels(evolve(tiny, visits=True), "GVT")
-
-
-def test_members_are_noted_once_and_the_farthest_counts_until_a_result_is_stored_anew(
-    tiny, stored, rewrite
-):
-    def noted(*found) -> dict[str, str]:
-        record(tiny, "GVT", Whole(*found), stored)
-        return {x["member"]: x["alike_until"] for x in recorded([(tiny, "GVT")], stored)}
-
-    assert recorded([(tiny, "GVT")], stored) == []
-    assert noted([2], {1: 49}, {0: "greedy is 1, anew 2"}) == {"1": "49", "2": "end"}
-    assert noted([1], {2: 49}, {}) == {"1": "end", "2": "end"}
-    assert recorded([(tiny, "NT"), (tiny.pool, "sources")], stored) == []
-    (line, _) = recorded([(tiny, "GVT")], stored)
-    assert line["processor"] == store.machine()["processor"]
-    rewrite("tiny/GVT", greedy=np.ones(3))
-    assert noted([], {1: 199}, {}) == {"1": "199"}
-
-
-def test_a_torn_list_is_refused(tiny, stored):
-    head, line = ",".join(FIELDS) + "\n", "tiny/GVT,0,end,2026-01-01,one,{}\n"
-    for text, said in ((line[:16], "lines need result"), (2 * line, "comes twice")):
-        (stored / NAME).write_text(head + text)
-        with pytest.raises(store.TornResult, match=said):
-            recorded([(tiny, "GVT")], stored)
-    line = line.format(store.provenance(stored / "tiny/GVT")["sha256"])
-    (stored / NAME).write_text(head + "".join(line.replace(",0,", f",{m},") for m in (2, 3, -1)))
-    assert [x["member"] for x in recorded([(tiny, "GVT")], stored)] == ["2"]

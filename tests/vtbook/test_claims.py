@@ -107,12 +107,6 @@ def test_runs_that_end_below_nine_tenths_of_their_own_optimum_have_fallen():
     assert some.fallen == 3
 
 
-def test_restlessness_is_how_much_faster_the_greedy_curve_moves_at_first():
-    # of the steps 3 and -1, the first ends by 1,000
-    assert near(runs([0] * 3, [0, 3, 2]).restlessness(1_000), 3)
-    assert near(printed([0] * 3, 1.0, [5, 4, 8]).restlessness(1_000), 0.25)
-
-
 @pytest.fixture
 def figure(monkeypatch):
     """Both protocols of an experiment of two algorithms, and a figure of them."""

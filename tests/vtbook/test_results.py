@@ -10,7 +10,6 @@ from vtbook.experiments.maze import MAZES
 from vtbook.experiments.mountain_car import CARS, UNSOLVED
 from vtlib.experiments import load
 from vtlib.experiments.heads import check_heads
-from vtlib.experiments.ledger import recorded
 from vtlib.experiments.store import results_behind, results_folder
 from vtlib.experiments.whole import check_runs, count_of, expected_seconds
 
@@ -69,8 +68,3 @@ def test_members_drawn_at_random_recompute():
             left -= seconds
             wrong = check_runs(owner, label, [member]).wrong
             assert not wrong, f"{told}: {wrong}"
-
-
-def test_what_was_recomputed_is_noted_of_results_that_are_stored():
-    lines = recorded(list(RESULTS.values()))
-    assert all(0 <= int(x["member"]) < count_of(RESULTS[x["result"]][0]) for x in lines)

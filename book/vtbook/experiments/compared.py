@@ -15,7 +15,6 @@ import numpy as np
 from attrs import evolve, frozen
 
 from vtbook.experiments.cartpole import CARTPOLE
-from vtbook.experiments.maze import MAIN, MAZE_TARGETS
 from vtbook.experiments.mountain_car import CAR, FLOOR
 from vtbook.experiments.rooms import ROOMS_CHANGE, ROOMS_EVALUATION
 from vtbook.neighbours import (
@@ -83,7 +82,6 @@ class Compared:
     chosen: the number of each algorithm's best candidate, in the order of `SPACES`. diverged:
     candidates that were tried and whose weights did not stay finite; they are out. first: the
     iteration from which returns count, where none is 0 for want of an episode that has ended.
-    tuned_in: where algorithms are tuned if not in the experiment's own family of tasks.
     """
 
     title: str
@@ -93,7 +91,6 @@ class Compared:
     floor: float = 0.0
     diverged: tuple[str, ...] = ()
     first: int = 0
-    tuned_in: Experiment | None = None
 
     def earned(self, experiment: Experiment, label: str) -> np.ndarray:
         """Stored learning returns (R,), averaged over all iterations, as shares of the optimum."""
@@ -142,20 +139,18 @@ class Compared:
         each = {x: self.candidates(x) for x in SPACES}
         algorithms = {candidate(x, k): one for x in each for k, one in enumerate(each[x])}
         stayed = {x: one for x, one in algorithms.items() if x not in self.diverged}
-        return self._runs(self.tuned_in or self.experiment, "tuning", stayed, TUNING_RUNS)
+        return self._runs("tuning", stayed, TUNING_RUNS)
 
     def judged(self) -> Experiment:
         """Each algorithm with the setting that was chosen for it, on other tasks."""
         chosen = zip(SPACES, self.chosen, strict=True)
         algorithms = {x: self.candidates(x)[k] for x, k in chosen}
-        return self._runs(self.experiment, "compared", algorithms, RUNS)
+        return self._runs("compared", algorithms, RUNS)
 
-    def _runs(
-        self, experiment: Experiment, what: str, algorithms: Mapping[str, Algorithm], runs: int
-    ) -> Experiment:
-        name = f"{experiment.name}-{what}"
+    def _runs(self, what: str, algorithms: Mapping[str, Algorithm], runs: int) -> Experiment:
+        name = f"{self.experiment.name}-{what}"
         return evolve(
-            experiment,
+            self.experiment,
             name=name,
             stream=name,
             algorithms=algorithms,
@@ -217,18 +212,6 @@ ENVIRONMENTS = (
         chosen=(5, 1, 6, 0, 4, 3, 0, 1, 5, 1, 4, 1),
         floor=FLOOR,
         first=200,
-    ),
-    # A maze's tasks are one, so algorithms are tuned in another: the one that is learned soonest.
-    Compared(
-        "maze",
-        MAZE_TARGETS[MAIN].published,
-        iterations=3_000,
-        chosen=(0, 4, 0, 3, 0, 0, 4, 2, 4, 6, 2, 2),
-        diverged=(
-            "Langevin, setting 2",
-            "Langevin, setting 5",
-        ),
-        tuned_in=MAZE_TARGETS[0].published,
     ),
 )
 EXPERIMENTS = tuple(of for one in ENVIRONMENTS for of in (one.tuning(), one.judged()))

@@ -42,13 +42,12 @@ def _in_parts(experiment: Experiment, **fields: Any) -> Experiment:
     return _beside(experiment, algorithms=algorithms, **fields)
 
 
-ROOMS, CHANGED, POLES, CARS, MAZE = (one.judged() for one in ENVIRONMENTS)
+ROOMS, CHANGED, POLES, CARS = (one.judged() for one in ENVIRONMENTS)
 TUNED = (
     _in_parts(ROOMS),
     _beside(CHANGED),
     _in_parts(POLES),
     _in_parts(CARS, name=f"{CARS.name}-recommended"),  # the other name is the page's cars'
-    _beside(MAZE),
 )
 # Why it loses there, asked after it had: its best rival with the method's step on the means, a
 # thousandth of the weights' size, which is about five, and with its minibatch.

@@ -64,17 +64,6 @@ def cartpole() -> list[Claim]:
             for x in TRANSFER
         ),
         *(
-            figure.claim(
-                f"The greedy curve of {x} moves faster until 2,000 iterations than afterwards.",
-                "mean change between evaluations until 2,000 by that afterwards",
-                lambda a: a.restlessness(2_000),
-                x,
-                kind="greedy",
-                low=1.0,
-            )
-            for x in TRANSFER
-        ),
-        *(
             figure.ahead(
                 f"Averaged over the run, {x} is not behind DDQN: no negative transfer.",
                 x,

@@ -4,7 +4,6 @@ Each is a frozen attrs class of settings whose ``agent`` is given the sources' w
 ``vtlib.transfer.Settings``: an experiment runs it, stores it and verifies it like any algorithm.
 """
 
-from vtbook.neighbours.drifting import DriftingSettings
 from vtbook.neighbours.heads import HeadsSettings
 from vtbook.neighbours.hierarchical import HierarchicalSettings
 from vtbook.neighbours.ivon import IVONSettings
@@ -13,7 +12,6 @@ from vtbook.neighbours.regression import RegressionSettings
 from vtbook.neighbours.unstarted import UnstartedSettings
 
 __all__ = [
-    "DriftingSettings",
     "HeadsSettings",
     "HierarchicalSettings",
     "IVONSettings",
