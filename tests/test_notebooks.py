@@ -80,7 +80,7 @@ def test_numbers_captions_and_boxes_are_those_of_the_page(book, built, page):
     )
     boxes = [x.get_text(" ", strip=True) for x in html.select("p.admonition-title")]
     titles = [x for x in boxes if "code cell" not in x]
-    assert len(titles) == len(re.findall(r"^> (?<!> > )\*\*[^*]*[^*:]\*\*", prose, re.M)), titles
+    assert len(titles) == len(re.findall(r"^> \*\*[^*]*[^*:]\*\*|<summary>", prose, re.M)), titles
     if answer := html.select_one(".admonition.tip p:not(.admonition-title)"):
         words = re.sub(r"[\W_]+", " ", answer.get_text()).split()[:12]
         assert " ".join(words) in re.sub(r"[\W_]+", " ", prose)
