@@ -21,9 +21,8 @@ def test_an_image_is_set_up_from_nothing(book, tmp_path):
     subprocess.run([sys.executable, "-m", "venv", venv], check=True)
     # pages that have run need not run again: the cache knows them by what they depend on
     shutil.copytree(ROOT / "_build" / ".jupyter_cache", checkout / "_build" / ".jupyter_cache")
-    kept = {
-        x: os.environ[x] for x in ("LANG", "PIP_CONFIG_FILE", "PIP_INDEX_URL") if x in os.environ
-    }
+    foreign = ("VIRTUAL_ENV", "PYTHON", "JUPYTER", "VTLIB", "OMP_")
+    kept = {x: y for x, y in os.environ.items() if not x.startswith(foreign)}
     own = {"HOME": str(tmp_path), "PATH": f"{venv}/bin:{os.environ['PATH']}"}
     done = subprocess.run(
         ["bash", "binder/postBuild"], cwd=checkout, env=kept | own, capture_output=True, text=True
@@ -34,5 +33,5 @@ def test_an_image_is_set_up_from_nothing(book, tmp_path):
     settings = tmp_path / ".jupyter" / "labconfig" / "default_setting_overrides.json"
     assert "Markdown Preview" in settings.read_text()
     code = "import vtlib, vtbook; print(vtlib.__file__)"
-    where = subprocess.run(["python", "-c", code], env=own, capture_output=True, text=True)
+    where = subprocess.run(["python", "-c", code], env=kept | own, capture_output=True, text=True)
     assert where.stdout.startswith(str(checkout))
