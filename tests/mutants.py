@@ -17,7 +17,7 @@ ELSEWHERE = {
     "vtlib/priors": "tests/test_priors.py tests/test_algorithm1.py tests/test_transfer.py",
     "vtlib/posteriors/": "tests/posteriors",
     "vtlib/transfer": "tests/test_transfer.py tests/test_bad_input.py tests/test_algorithm1.py",
-    "vtlib/envs/": "tests/envs",
+    "book/vtlab/envs/": "tests/envs",
 }
 # those that any test would find, such as another sign, are left out
 FAULTS: dict[str, list[tuple[str, str]]] = {
@@ -63,7 +63,7 @@ FAULTS: dict[str, list[tuple[str, str]]] = {
         ("_steps > self._settings.patience", "_steps >= self._settings.patience"),
         ("draws = self._samples[:, :, 0]", "draws = self._samples[:, :, 1]"),
     ],
-    "vtlib/envs/maze/tasks": [
+    "book/vtlab/envs/maze/tasks": [
         ("directions(pose[2]) + jolt[:2]", "directions(pose[2])"),
     ],
 }

@@ -1,6 +1,6 @@
 """Sphinx extension: the reference of the library, from its docstrings.
 
-A page says which modules it documents, ``<!-- modules: vtlib.envs.* -->``; new files of the library
+A page says which modules it documents, ``<!-- modules: vtlab.envs.* -->``; new files of the library
 that match are documented without further work. Docstrings are plain text with a little Markdown,
 as Gymnasium has it, and become what Sphinx reads; each function is followed by its equations.
 """
@@ -23,7 +23,7 @@ FORMULAS = formulas()
 
 def modules(root: Path = ROOT) -> list[str]:
     """Dotted names of the library's public modules, packages before what they hold."""
-    homes = (root, "vtlib"), (root / "book", "vtbook")
+    homes = (root, "vtlib"), (root / "book", "vtlab"), (root / "book", "vtbook")
     paths = (
         path.relative_to(home).with_suffix("")
         for home, package in homes
@@ -43,7 +43,7 @@ def section(name: str) -> str:
     """Markdown of one module's section: what it defines, not what it passes on."""
     options = "   :members:\n   :ignore-module-all:\n"
     directive = f"```{{eval-rst}}\n.. automodule:: {name}\n{options}```\n"
-    return f"## {name.removeprefix('vtlib.')}\n\n{directive}"
+    return f"## {name}\n\n{directive}"
 
 
 def overview(names: list[str]) -> str:
@@ -108,7 +108,7 @@ def converted(lines: list[str]) -> Iterator[str]:
 
 def add_equations(name: str) -> Iterator[str]:
     """Lines with the equations that a documented object computes."""
-    for label in computed_by(name.removeprefix("vtlib.")):
+    for label in computed_by(name):
         yield from ("", f"Equation :eq:`{label}`:", "", ".. math::", "")
         yield from (f"   {line}" for line in FORMULAS[label].splitlines())
     yield ""

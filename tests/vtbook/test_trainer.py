@@ -19,12 +19,11 @@ from vtbook import published, trainer
 from vtbook.experiments.rooms import ROOMS_EVALUATION, ROOMS_EXPLORATION, ROOMS_LIKELIHOOD
 from vtbook.panels import STATIC, static
 from vtbook.pauses import pauses
-from vtlib.experiments import load, returns
-from vtlib.experiments.run import prepare
-from vtlib.experiments.store import weights
-from vtlib.native.build import PAGE, compile_page
-from vtlib.native.runs import LANES, MOST_COMPONENTS, MOST_SOURCES, NO_CLIP
-from vtlib.stats import same_distribution_p
+from vtlab.native.build import PAGE, compile_page
+from vtlab.native.runs import LANES, MOST_COMPONENTS, MOST_SOURCES, NO_CLIP
+from vtlab.permutation import same_distribution_p
+from vtlab.run import prepare
+from vtlab.store import load, returns, weights
 
 websocket, bs4 = map(pytest.importorskip, ("websocket", "bs4"))
 HERE = Path(__file__).resolve().parent / "trainer"
