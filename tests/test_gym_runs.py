@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 import torch
 
-from vtlab.store import TornResult
 from vtlib import gym_runs
 from vtlib.baselines import DDQNSettings, FineTuning, LearnerSettings, MellowTDSettings
+from vtlib.files import TornResult
 from vtlib.gym_runs import Learned, evaluate, solve, transfer
 from vtlib.qfunctions import MLP, ModuleQ
 from vtlib.transfer import Settings

@@ -71,7 +71,7 @@ def test_the_kernel_in_the_repository_is_what_its_source_compiles_to(tmp_path):
         again = compile_page(tmp_path / "again.wasm")
     except RuntimeError as error:
         pytest.skip(str(error))
-    assert again.read_bytes() == PAGE.read_bytes(), "run: python -m vtlib.native page"
+    assert again.read_bytes() == PAGE.read_bytes(), "run: python -m vtlab.native page"
 
 
 def test_a_linter_finds_nothing_in_the_scripts():

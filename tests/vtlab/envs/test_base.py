@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from vtlib import envs
+from vtlab import envs
 from vtlib.qfunctions import RBFLinear
 
 ROOMS = [envs.RoomsFamily(), envs.RoomsFamily(2, normal=(5.0, 1.8))]

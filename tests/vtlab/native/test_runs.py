@@ -170,5 +170,5 @@ def test_what_the_kernels_do_not_know_is_left_to_the_engine(monkeypatch):
     for algorithm in (*changed, *own):
         assert not supports(ROOMS, algorithm, 5)
     assert not supports(OwnFamily(), Settings(), 5)
-    monkeypatch.setattr("vtlab.native.runs.kernels", lambda: None)
+    monkeypatch.setattr("vtlab.native.runs.kernels", lambda _: None)
     assert not supports(ROOMS, Settings(), 5)
