@@ -54,10 +54,11 @@ pytest: $(KERNELS)
 	@$(BIN)/python -m pytest -n logical --dist loadfile --no-loadscope-reorder
 
 lint: $(KERNELS)
-	@echo "==> Checking style, types and language: a minute the first time, then seconds."
+	@echo "==> Checking style, types, imports and language: a minute the first time, then seconds."
 	@$(BIN)/ruff check $(PYFILES)
 	@$(BIN)/ruff format --check $(PYFILES)
 	@$(BIN)/mypy
+	@$(BIN)/lint-imports --no-cache --no-logo
 	@PATH="$(abspath $(BIN)):$$PATH" $(BIN)/nbqa "ruff check" $(PAGES) $(PAGE_RULES)
 	@PATH="$(abspath $(BIN)):$$PATH" $(BIN)/nbqa "ruff format --check" $(PAGES)
 	@$(BIN)/python book/_ext/prose.py
