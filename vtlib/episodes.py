@@ -75,7 +75,7 @@ class Returns:
 
 
 class Episodes:
-    """Tasks of this library in lock-step, with the returns of each run's last ``window`` episodes.
+    """A batch of tasks in lock-step, with the returns of each run's last ``window`` episodes.
 
     ``obs`` (R, obs_dim) is what the agents see now, ``fresh`` (R,) marks first steps. To ``record``
     is to keep every observation arrived at in ``visited``.

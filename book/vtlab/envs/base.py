@@ -1,4 +1,4 @@
-"""What an environment of the library is: tasks in batches, and one record of all else about it."""
+"""What an environment of the laboratory is: tasks in batches, and one record of all else about it."""
 
 from __future__ import annotations
 
@@ -118,7 +118,7 @@ class TaskFamily(ABC):
     `parameters` are the fields that tell its tasks apart, `limits` those of the axis of returns in
     figures, `scale` the deviation of a network's first weights (0 for a linear Q-function),
     `window` how many of the last episodes the learning return is a mean of, and `plane` what values
-    are mapped over, if they can be. `kernel` is the name of its kernel in `vtlib.native`, if any.
+    are mapped over, if they can be. `kernel` is the name of its kernel in `vtlab.native`, if any.
     """
 
     parameters: ClassVar[tuple[str, ...]]

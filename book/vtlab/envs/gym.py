@@ -1,4 +1,4 @@
-"""Tasks of this library as Gymnasium environments, one task each."""
+"""Tasks of the laboratory as Gymnasium environments, one task each."""
 
 from pkgutil import resolve_name
 from typing import Any, ClassVar
