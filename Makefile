@@ -23,7 +23,7 @@ ONLINE ?=
 BIN     := $(VENV)/bin
 SET_UP  := $(VENV)/set-up-is-done
 KERNELS := vtlib/native/lib/up-to-date
-PYFILES := vtlib tests book/vtbook book/_ext
+PYFILES := vtlib tests book/vtlab book/vtbook book/_ext
 # Only pages with cells: the rest of the Markdown has no code to check.
 PAGES    = $(shell grep -l '^kernelspec:' book/*.md)
 # On a page an import may stand where it is first used, and a cell may end in a value to show.
@@ -54,10 +54,11 @@ pytest: $(KERNELS)
 	@$(BIN)/python -m pytest -n logical --dist loadfile --no-loadscope-reorder
 
 lint: $(KERNELS)
-	@echo "==> Checking style, types and language: a minute the first time, then seconds."
+	@echo "==> Checking style, types, imports and language: a minute the first time, then seconds."
 	@$(BIN)/ruff check $(PYFILES)
 	@$(BIN)/ruff format --check $(PYFILES)
 	@$(BIN)/mypy
+	@$(BIN)/lint-imports --no-cache --no-logo
 	@PATH="$(abspath $(BIN)):$$PATH" $(BIN)/nbqa "ruff check" $(PAGES) $(PAGE_RULES)
 	@PATH="$(abspath $(BIN)):$$PATH" $(BIN)/nbqa "ruff format --check" $(PAGES)
 	@$(BIN)/python book/_ext/prose.py
@@ -79,7 +80,7 @@ lab: $(KERNELS)
 reproduce: $(KERNELS)
 	@echo "==> Computing stored runs again from nothing: all of them take hours, see the time left."
 	@echo "    Ctrl-C is safe: the same command goes on where it was stopped."
-	@$(BIN)/python -m vtlib reproduce $(addprefix --only ,$(ONLY)) $(addprefix --runs ,$(RUNS)) \
+	@$(BIN)/python -m vtlab reproduce $(addprefix --only ,$(ONLY)) $(addprefix --runs ,$(RUNS)) \
 		$(addprefix --jobs ,$(JOBS)) $(addprefix --scheduler ,$(SCHEDULER)) \
 		$(addprefix --device ,$(DEVICE)); code=$$?; \
 	if [ $$code -le 1 ] && [ -z "$(ONLY)$(RUNS)" ]; then \
@@ -102,7 +103,7 @@ oldest newest:
 sanitize:
 	@mkdir -p _build
 	@g++ -std=c++17 -O1 -g -march=native -Wno-psabi -fsanitize=address,undefined \
-		-fno-sanitize-recover=all tests/native/fuzz.cpp -o _build/fuzz
+		-fno-sanitize-recover=all -Ivtlib/native tests/vtlab/native/fuzz.cpp -o _build/fuzz
 	@_build/fuzz 100
 
 clean:
@@ -132,6 +133,8 @@ $(SET_UP): requirements.txt pyproject.toml
 	@touch $@
 
 # The loops in C++, compiled again when their sources change.
-$(KERNELS): $(SET_UP) $(wildcard vtlib/native/*.cpp vtlib/native/*.h) vtlib/native/build.py
+NATIVE := $(wildcard vtlib/native/*.* book/vtlab/native/*.cpp book/vtlab/native/*.h) book/vtlab/native/build.py
+$(KERNELS): $(SET_UP) $(NATIVE)
 	@$(BIN)/python -m vtlib.native
+	@$(BIN)/python -m vtlab.native
 	@mkdir -p $(@D) && touch $@

@@ -21,9 +21,9 @@ import psutil
 import pytest
 
 from vtbook import plots, widgets
+from vtlab.envs.cartpole import CartpoleFamily
+from vtlab.experiment import Experiment, Pool
 from vtlib.baselines import DDQNSettings, MellowTDSettings
-from vtlib.envs.cartpole import CartpoleFamily
-from vtlib.experiments.experiment import Experiment, Pool
 from vtlib.transfer import Settings
 
 os.environ[plots.CHECKED] = "1"  # here and in what tests start

@@ -17,7 +17,7 @@ ELSEWHERE = {
     "vtlib/priors": "tests/test_priors.py tests/test_algorithm1.py tests/test_transfer.py",
     "vtlib/posteriors/": "tests/posteriors",
     "vtlib/transfer": "tests/test_transfer.py tests/test_bad_input.py tests/test_algorithm1.py",
-    "vtlib/envs/": "tests/envs",
+    "book/vtlab/envs/": "tests/vtlab/envs",
 }
 # those that any test would find, such as another sign, are left out
 FAULTS: dict[str, list[tuple[str, str]]] = {
@@ -63,7 +63,7 @@ FAULTS: dict[str, list[tuple[str, str]]] = {
         ("_steps > self._settings.patience", "_steps >= self._settings.patience"),
         ("draws = self._samples[:, :, 0]", "draws = self._samples[:, :, 1]"),
     ],
-    "vtlib/envs/maze/tasks": [
+    "book/vtlab/envs/maze/tasks": [
         ("directions(pose[2]) + jolt[:2]", "directions(pose[2])"),
     ],
 }
@@ -77,22 +77,23 @@ def tests_of(file: str) -> list[str]:
 
 
 def attempt(fault: tuple[str, str, str]) -> str:
-    """Plant one fault in a copy of both packages; what the tests of its file make of it."""
+    """Plant one fault in a copy of the packages; what the tests of its file make of it."""
     file, old, new = fault
     text = (ROOT / f"{file}.py").read_text()
     if text.count(old) != 1:
         return f"NOT APPLIED: found {text.count(old)} times"
     with tempfile.TemporaryDirectory() as folder:
-        for part in ("vtlib", "tests", "book/vtbook"):
-            shutil.copytree(ROOT / part, Path(folder) / part)
-        for part in {*(ROOT / "book").iterdir()} - {ROOT / "book" / "vtbook"}:
+        packages = {ROOT / "book" / name for name in ("vtlab", "vtbook")}
+        for part in (ROOT / "vtlib", ROOT / "tests", *packages):
+            shutil.copytree(part, Path(folder) / part.relative_to(ROOT))
+        for part in {*(ROOT / "book").iterdir()} - packages:
             (Path(folder) / "book" / part.name).symlink_to(part)
         shutil.copy(ROOT / "pyproject.toml", folder)
         (Path(folder) / f"{file}.py").write_text(text.replace(old, new))
         command = [sys.executable, "-m", "pytest", "-x", "-q", *tests_of(file)]
-        packages = {"PYTHONPATH": f"{folder}{os.pathsep}{folder}/book", "OMP_NUM_THREADS": "1"}
+        found = {"PYTHONPATH": f"{folder}{os.pathsep}{folder}/book", "OMP_NUM_THREADS": "1"}
         done = subprocess.run(
-            command, cwd=folder, env={**os.environ, **packages}, capture_output=True, check=False
+            command, cwd=folder, env={**os.environ, **found}, capture_output=True, check=False
         )
     return {0: "SURVIVED", 1: "killed", 2: "killed"}.get(done.returncode, "no tests ran")
 

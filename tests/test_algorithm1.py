@@ -3,9 +3,9 @@
 import pytest
 import torch
 
+from vtlab.envs import CartpoleFamily, MazeFamily, MountainCarFamily, RoomsFamily
 from vtlib.algorithm1 import algorithm1
-from vtlib.envs import CartpoleFamily, MazeFamily, MountainCarFamily, RoomsFamily
-from vtlib.envs.episodes import Episodes
+from vtlib.episodes import Episodes
 from vtlib.qfunctions import MLP, RBFLinear
 from vtlib.rng import Rng
 from vtlib.training import iterate

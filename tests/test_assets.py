@@ -82,7 +82,7 @@ def test_a_figure_that_is_cut_off_fails_the_build(extension, monkeypatch, tmp_pa
 
 
 def test_the_cache_key_follows_what_pages_depend_on(extension, tmp_path):
-    decisive = ["requirements.txt", "vtlib/b.cpp", "book/vtbook/a.py"]
+    decisive = ["requirements.txt", "vtlib/b.cpp", "book/vtlab/c.h", "book/vtbook/a.py"]
     decisive += ["book/results/runs.npz", "book/published/curve.csv"]
     for name in (*decisive, "README.md", "vtlib/__pycache__/a.py"):
         path, keys = tmp_path / name, []

@@ -20,9 +20,9 @@ from vtbook.neighbours import (
     RegressionSettings,
     UnstartedSettings,
 )
+from vtlab.experiment import Algorithm
 from vtlib import posteriors
 from vtlib.baselines import FineTuning, MellowTDSettings
-from vtlib.experiments.experiment import Algorithm
 from vtlib.qfunctions import MLP, QFunction, RBFLinear
 from vtlib.recommended import FIRST, Recommended
 from vtlib.replay import Transition

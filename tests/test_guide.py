@@ -13,8 +13,8 @@ import pytest
 from attrs import evolve
 
 from vtbook import guide_runs as runs
-from vtlib.cli import main
-from vtlib.experiments import store
+from vtlab import store
+from vtlab.cli import main
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -94,7 +94,7 @@ def test_a_wheel_has_all_that_the_guides_first_lines_need_but_no_results(tmp_pat
     source, unpacked, empty = (tmp_path / x for x in ("source", "unpacked", "empty"))
     empty.mkdir()
     without = shutil.ignore_patterns("__pycache__", "lib")  # what is compiled is not packed
-    for name in ("vtlib", "book/vtbook"):
+    for name in ("vtlib", "book/vtlab", "book/vtbook"):
         shutil.copytree(ROOT / name, source / name, ignore=without)
     for name in ("pyproject.toml", "README.md", "LICENSE"):
         shutil.copy(ROOT / name, source)
@@ -107,18 +107,18 @@ def test_a_wheel_has_all_that_the_guides_first_lines_need_but_no_results(tmp_pat
     (cell,) = re.findall(r"```\{code-cell\} python3\n(import gymnasium.*?)```", page, re.DOTALL)
     code = f"""
 {cell.replace("iterations=4000", "iterations=200")}
-import vtbook.bench, vtlib.cli, vtlib.envs.maze, vtlib.experiments.store
+import vtbook.bench, vtlab.cli, vtlab.envs.maze, vtlab.store, vtlib
 vtbook.bench.PUBLISHED = {{"cartpole": {{"DDQN": 0.74}}}}
-assert vtlib.cli.main(["bench"]) == 0
-print(vtlib.__file__, vtbook.__file__, vtlib.__version__, *sources.shape, q.d)
+assert vtlab.cli.main(["bench"]) == 0
+print(*(x.__file__ for x in (vtlib, vtlab, vtbook)), vtlib.__version__, *sources.shape, q.d)
 print(transfer([cartpole(0.5)], q, sources, 5, trials=2).steps > 5)
-print(vtlib.experiments.store.results_folder().resolve())
-vtlib.envs.maze.library()
-raise SystemExit(vtlib.cli.main(["verify"]))
+print(vtlab.store.results_folder().resolve())
+vtlab.envs.maze.library()
+raise SystemExit(vtlab.cli.main(["verify"]))
 """
     done = python(code, empty, PYTHONPATH=str(unpacked))
     (version,) = re.findall(r'^version = "(.*)"', (ROOT / "pyproject.toml").read_text(), re.M)
-    inside = [str(unpacked / name / "__init__.py") for name in ("vtlib", "vtbook")]
+    inside = [str(unpacked / name / "__init__.py") for name in ("vtlib", "vtlab", "vtbook")]
     assert done.returncode == 2, done
     *_, row, told, transferred, results = done.stdout.splitlines()
     assert row.split()[0] == "DDQN"

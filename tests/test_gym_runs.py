@@ -10,7 +10,7 @@ import torch
 
 from vtlib import gym_runs
 from vtlib.baselines import DDQNSettings, FineTuning, LearnerSettings, MellowTDSettings
-from vtlib.experiments.store import TornResult
+from vtlib.files import TornResult
 from vtlib.gym_runs import Learned, evaluate, solve, transfer
 from vtlib.qfunctions import MLP, ModuleQ
 from vtlib.transfer import Settings

@@ -18,7 +18,8 @@ PAGES = sorted(
 )
 TEXTS = ["errata", "experiments", "glossary"]
 WITHOUT_THE_BOOK = "import sys; sys.modules.update(dict.fromkeys(('myst_nb', 'jupytext')))\n"
-BROUGHT = "vtlib vtbook torch numpy gymnasium scipy xarray attrs matplotlib IPython"  # by vtlib
+# by the distribution vtlib
+BROUGHT = "vtlib vtlab vtbook torch numpy gymnasium scipy xarray attrs matplotlib IPython"
 MYST = re.compile(r"\{[a-z]+(?::\w+)?\}`|^[`:]{3,}\{|^\([\w-]+\)=$|\$\$ \(", re.MULTILINE)
 MACRO = re.compile(r"\\(?:E|KL|mm|R)(?![A-Za-z])")
 

@@ -3,20 +3,20 @@
 import re
 from pathlib import Path
 
-from vtlib import gym_runs
+import vtlib
 from vtlib.stats import difference_interval, mean_interval
 
 README = Path(__file__).resolve().parent.parent / "README.md"
 
 
 def test_the_example_transfers(capsys, monkeypatch):
-    found, evaluate = [], gym_runs.evaluate
+    found, evaluate = [], vtlib.evaluate
 
     def once(*given):
         found.append(evaluate(*given))
         return found[-1]
 
-    monkeypatch.setattr(gym_runs, "evaluate", once)
+    monkeypatch.setattr(vtlib, "evaluate", once)
     text = README.read_text(encoding="utf-8")
     (code,) = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
     names = {}

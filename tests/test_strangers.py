@@ -8,8 +8,8 @@ import sys
 from pathlib import Path
 
 import vtlib
-from vtlib.experiments import load, returns
-from vtlib.experiments.whole import verify
+from vtlab.store import load, returns
+from vtlab.whole import verify
 from vtlib.posteriors import COVARIANCES
 
 ROOT = Path(vtlib.__file__).parents[1]
@@ -23,10 +23,10 @@ def test_an_experiment_with_a_posterior_of_ones_own_is_run_by_its_name(tmp_path,
     offered = tmp_path / "corridors-1.0.dist-info"
     offered.mkdir()
     (offered / "METADATA").write_text("Metadata-Version: 2.1\nName: corridors\nVersion: 1.0\n")
-    (offered / "entry_points.txt").write_text("[vtlib.experiments]\nours = corridors:EXPERIMENTS\n")
+    (offered / "entry_points.txt").write_text("[vtlab.experiments]\nours = corridors:EXPERIMENTS\n")
     before, root = {*tmp_path.iterdir()}, tmp_path / "results"
-    path = os.pathsep.join([str(ROOT), str(tmp_path)])
-    command = "-W error -m vtlib run ours --jobs 1 --results results"
+    path = os.pathsep.join([str(ROOT), str(ROOT / "book"), str(tmp_path)])
+    command = "-W error -m vtlab run ours --jobs 1 --results results"
     done = subprocess.run(
         [sys.executable, *command.split()],
         cwd=tmp_path,
@@ -47,7 +47,3 @@ def test_an_experiment_with_a_posterior_of_ones_own_is_run_by_its_name(tmp_path,
     assert load(mine.pool, "sources", root).goal.dims == ("source",)
     for owner, label, whole in verify(mine, root=root):
         assert (whole.wrong, whole.parted) == ({}, {}), f"{owner.name}/{label}"
-
-
-def test_the_library_knows_nothing_of_the_book():
-    assert not [p for p in (ROOT / "vtlib").rglob("*.py") if "vtbook" in p.read_text("utf-8")]

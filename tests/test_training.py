@@ -104,8 +104,8 @@ from attrs import evolve
 
 import vtbook
 from vtbook.experiments.cartpole import CARTPOLE
-from vtlib.experiments.run import run_batch
-from vtlib.experiments.store import weights
+from vtlab.run import run_batch
+from vtlab.store import weights
 from vtlib.gym_runs import evaluate, solve, transfer
 from vtlib.qfunctions import MLP
 

@@ -1,3 +1,25 @@
 """Variational transfer of value functions between reinforcement learning tasks."""
 
+from vtlib.baselines import DDQNSettings, FineTuning, MellowTDSettings
+from vtlib.gym_runs import Learned, evaluate, solve, transfer
+from vtlib.qfunctions import MLP, ModuleQ, RBFLinear
+from vtlib.recommended import Recommended
+from vtlib.stats import mean_interval
+from vtlib.transfer import Settings
+
+__all__ = [
+    "MLP",
+    "DDQNSettings",
+    "FineTuning",
+    "Learned",
+    "MellowTDSettings",
+    "ModuleQ",
+    "RBFLinear",
+    "Recommended",
+    "Settings",
+    "evaluate",
+    "mean_interval",
+    "solve",
+    "transfer",
+]
 __version__ = "0.1.0"

@@ -20,8 +20,8 @@ from tqdm import tqdm
 
 from vtlib.baselines import DDQNSettings, FineTuning, MellowTDSettings
 from vtlib.checks import check_between, check_kind, check_weights, check_whole, shown
-from vtlib.envs.episodes import GymEpisodes
-from vtlib.experiments.store import TornResult, write_bytes
+from vtlib.episodes import GymEpisodes
+from vtlib.files import TornResult, write_bytes
 from vtlib.qfunctions import QFunction
 from vtlib.recommended import Recommended
 from vtlib.rng import Rng, generator

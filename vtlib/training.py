@@ -10,7 +10,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from vtlib.envs.episodes import Episodes, GymEpisodes
+from vtlib.episodes import Episodes, GymEpisodes
 from vtlib.replay import Transition
 
 FINGERPRINTS = (1, 49, 199)  # not at the end of an episode, where all runs look alike

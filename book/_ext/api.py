@@ -1,8 +1,9 @@
 """Sphinx extension: the reference of the library, from its docstrings.
 
-A page says which modules it documents, ``<!-- modules: vtlib.envs.* -->``; new files of the library
-that match are documented without further work. Docstrings are plain text with a little Markdown,
-as Gymnasium has it, and become what Sphinx reads; each function is followed by its equations.
+A page says which modules it documents, ``<!-- modules: vtlab.envs.* -->``; new files that match
+are documented without further work, but for names after an exclamation mark. Docstrings are plain
+text with a little Markdown, as Gymnasium has it, and become what Sphinx reads; each function is
+followed by its equations.
 """
 
 from __future__ import annotations
@@ -10,11 +11,13 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from fnmatch import fnmatchcase
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import attrs
 from equations import computed_by, formulas
+from sphinx.ext.autosummary import Autosummary
 
 ROOT = Path(__file__).resolve().parents[2]
 MODULES = re.compile(r"<!-- modules:(.*?)-->", re.DOTALL)
@@ -22,8 +25,8 @@ FORMULAS = formulas()
 
 
 def modules(root: Path = ROOT) -> list[str]:
-    """Dotted names of the library's public modules, packages before what they hold."""
-    homes = (root, "vtlib"), (root / "book", "vtbook")
+    """Dotted names of the public modules of the three packages, packages before what they hold."""
+    homes = (root, "vtlib"), (root / "book", "vtlab"), (root / "book", "vtbook")
     paths = (
         path.relative_to(home).with_suffix("")
         for home, package in homes
@@ -34,22 +37,33 @@ def modules(root: Path = ROOT) -> list[str]:
 
 
 def matching(patterns: str) -> list[str]:
-    """Modules that one of the patterns names, in the order of the patterns."""
-    found = [name for one in patterns.split() for name in modules() if fnmatchcase(name, one)]
-    return list(dict.fromkeys(found))
+    """Modules that a pattern names and none after a "!" does, in the order of the patterns."""
+    wanted = [one for one in patterns.split() if not one.startswith("!")]
+    others = [one[1:] for one in patterns.split() if one.startswith("!")]
+    found = (name for one in wanted for name in modules() if fnmatchcase(name, one))
+    left = (name for name in found if not any(fnmatchcase(name, one) for one in others))
+    return list(dict.fromkeys(left))
 
 
 def section(name: str) -> str:
     """Markdown of one module's section: what it defines, not what it passes on."""
     options = "   :members:\n   :ignore-module-all:\n"
     directive = f"```{{eval-rst}}\n.. automodule:: {name}\n{options}```\n"
-    return f"## {name.removeprefix('vtlib.')}\n\n{directive}"
+    return f"## {name}\n\n{directive}"
+
+
+class Modules(Autosummary):
+    """A table of modules, also where a package offers a function by the name of its module."""
+
+    def import_by_name(self, name: str, prefixes: list[str | None]) -> tuple[str, Any, Any, str]:
+        """The module, not what its package has under that name."""
+        return name, import_module(name), None, name
 
 
 def overview(names: list[str]) -> str:
     """Markdown of a table of modules with the first sentence of each."""
     rows = "\n".join(f"   {name}" for name in names)
-    return f"```{{eval-rst}}\n.. autosummary::\n   :nosignatures:\n\n{rows}\n```\n"
+    return f"```{{eval-rst}}\n.. modules::\n   :nosignatures:\n\n{rows}\n```\n"
 
 
 def list_modules(app: Any, docname: str, source: list[str]) -> None:
@@ -108,7 +122,7 @@ def converted(lines: list[str]) -> Iterator[str]:
 
 def add_equations(name: str) -> Iterator[str]:
     """Lines with the equations that a documented object computes."""
-    for label in computed_by(name.removeprefix("vtlib.")):
+    for label in computed_by(name):
         yield from ("", f"Equation :eq:`{label}`:", "", ".. math::", "")
         yield from (f"   {line}" for line in FORMULAS[label].splitlines())
     yield ""
@@ -146,6 +160,7 @@ def setup(app: Any) -> dict[str, Any]:
     """Register with Sphinx."""
     app.setup_extension("sphinx.ext.autodoc")
     app.setup_extension("sphinx.ext.autosummary")
+    app.add_directive("modules", Modules)
     app.setup_extension("sphinx.ext.napoleon")
     app.connect("source-read", list_modules)
     app.connect("autodoc-process-docstring", read_docstring)

@@ -24,7 +24,7 @@ def dependencies(root: Path) -> Iterator[Path]:
     static = root / "book" / "_static"
     panels = (path for name in ("trainer", "race") for path in static.glob(f"{name}*"))
     # the guide's results are always the book's
-    names = "vtlib", "book/vtbook", "book/published", "book/results/guide"
+    names = "vtlib", "book/vtlab", "book/vtbook", "book/published", "book/results/guide"
     code = (path for name in names for path in (root / name).rglob("*"))
     for path in sorted({*code, *results.rglob("*"), *panels}):
         if path.is_file() and not IGNORED.intersection(path.parts):

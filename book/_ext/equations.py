@@ -19,31 +19,30 @@ from sphinx.util.nodes import make_refnode
 LOGGER = logging.getLogger(__name__)
 BOOK = Path(__file__).resolve().parents[1]
 
-# Names below vtlib. Definitions that nothing computes, or the page itself,
-# are not listed.
+# Definitions that nothing computes, or the page itself, are not listed.
 EQUATIONS = {
-    "eq-2-6": ("envs.planning.GridPlan.value",),
-    "eq-2-7": ("envs.planning.GridPlan.greedy",),
-    "eq-2-8": ("envs.planning.sweep",),
-    "eq-2-12": ("qfunctions.RBFLinear.q", "qfunctions.MLP.q"),
-    "eq-2-15": ("td.td_error",),
-    "eq-2-17": ("priors.kl",),
-    "eq-5-2": ("transfer.VariationalTransfer.learn", "algorithm1.algorithm1"),
-    "eq-5-3": ("td.mellowmax",),
-    "eq-5-4": ("td.td_cotangent", "td.td_gradients"),
-    "eq-5-5": ("priors.sources_mean_and_spread",),
-    "eq-5-6": ("priors.sources_mean_and_spread", "priors.covariance_factor"),
-    "eq-5-7": ("priors.kl", "priors.pairwise_kl"),
-    "eq-5-8": ("priors.GaussianPrior.pull",),
-    "eq-5-9": ("posteriors.dense.Dense",),
-    "eq-5-10": ("transfer.VariationalTransfer.learn",),
-    "eq-5-11": ("posteriors.dense.Dense",),
-    "eq-5-12": ("priors.kl_bound",),
-    "eq-5-13": ("priors.kl_bound",),
-    "eq-5-14": ("priors.responsibilities",),
-    "eq-5-15": ("priors.responsibilities",),
+    "eq-2-6": ("vtlab.envs.planning.GridPlan.value",),
+    "eq-2-7": ("vtlab.envs.planning.GridPlan.greedy",),
+    "eq-2-8": ("vtlab.envs.planning.sweep",),
+    "eq-2-12": ("vtlib.qfunctions.RBFLinear.q", "vtlib.qfunctions.MLP.q"),
+    "eq-2-15": ("vtlib.td.td_error",),
+    "eq-2-17": ("vtlib.priors.kl",),
+    "eq-5-2": ("vtlib.transfer.VariationalTransfer.learn", "vtlib.algorithm1.algorithm1"),
+    "eq-5-3": ("vtlib.td.mellowmax",),
+    "eq-5-4": ("vtlib.td.td_cotangent", "vtlib.td.td_gradients"),
+    "eq-5-5": ("vtlib.priors.sources_mean_and_spread",),
+    "eq-5-6": ("vtlib.priors.sources_mean_and_spread", "vtlib.priors.covariance_factor"),
+    "eq-5-7": ("vtlib.priors.kl", "vtlib.priors.pairwise_kl"),
+    "eq-5-8": ("vtlib.priors.GaussianPrior.pull",),
+    "eq-5-9": ("vtlib.posteriors.dense.Dense",),
+    "eq-5-10": ("vtlib.transfer.VariationalTransfer.learn",),
+    "eq-5-11": ("vtlib.posteriors.dense.Dense",),
+    "eq-5-12": ("vtlib.priors.kl_bound",),
+    "eq-5-13": ("vtlib.priors.kl_bound",),
+    "eq-5-14": ("vtlib.priors.responsibilities",),
+    "eq-5-15": ("vtlib.priors.responsibilities",),
 }
-NAME = re.compile(r"(vtlib|vtbook)(\.\w+)+")
+NAME = re.compile(r"(vtlib|vtlab|vtbook)(\.\w+)+")
 LABELLED = re.compile(r"^ *\$\$\n([^$]*)\n *\$\$ \((eq-\d-\d+)\)", re.MULTILINE)
 
 
@@ -57,7 +56,7 @@ def formulas(book: Path = BOOK) -> dict[str, str]:
 
 
 def computed_by(name: str) -> list[str]:
-    """Labels of the equations that a dotted name below vtlib computes, in the thesis' order."""
+    """Labels of the equations that a dotted name computes, in the thesis' order."""
     return [label for label, names in EQUATIONS.items() if name in names]
 
 
@@ -71,7 +70,7 @@ def add_code_lines(app: Any, doctree: nodes.document) -> None:
             for index, name in enumerate(names):
                 if index:
                     line += nodes.Text(", ")
-                line += nodes.literal(text=f"vtlib.{name}")
+                line += nodes.literal(text=name)
             block.parent.insert(block.parent.index(block) + 1, line)
 
 
@@ -80,7 +79,7 @@ def target(objects: dict[str, Any], text: str) -> str | None:
     name = text.partition("(")[0]
     if name.startswith("Settings."):
         name = "Settings"
-    candidates = (name, f"vtlib.{name}", f"vtlib.transfer.{name}")
+    candidates = (name, *(f"{x}.{name}" for x in ("vtlib", "vtlab", "vtlib.transfer")))
     homes = (home(x) for x in candidates if NAME.fullmatch(x))
     return next((x for x in homes if x in objects), None)
 

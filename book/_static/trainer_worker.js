@@ -1,4 +1,4 @@
-/* Trains in a thread of its own. The algorithm is the kernel's (vtlib/native), compiled for the page;
+/* Trains in a thread of its own. The algorithm is the kernel's (book/vtlab/native), compiled for the page;
    here are the prior, what is read off a run, and the messages to and from the panel. */
 "use strict";
 

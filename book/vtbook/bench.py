@@ -8,9 +8,10 @@ import numpy as np
 import torch
 from attrs import evolve
 
-from vtlib.experiments import named, store
-from vtlib.experiments.experiment import SOURCES, Experiment, Pool
-from vtlib.experiments.run import prepare, prepare_natively
+from vtlab import store
+from vtlab.experiment import SOURCES, Experiment, Pool
+from vtlab.registry import named
+from vtlab.run import prepare, prepare_natively
 from vtlib.rng import generator
 from vtlib.training import iterate
 from vtlib.transfer import Settings

@@ -16,8 +16,8 @@ from xarray import Dataset
 
 from vtbook.comparisons import ratio_interval, spread_interval
 from vtbook.published import PublishedCurve, curves
-from vtlib.experiments import returns
-from vtlib.experiments.experiment import Experiment
+from vtlab.experiment import Experiment
+from vtlab.store import returns
 from vtlib.rng import generator
 from vtlib.stats import Interval, mean_interval
 

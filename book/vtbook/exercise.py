@@ -6,11 +6,10 @@ import numpy as np
 from attrs import evolve
 
 from vtbook import processors
+from vtlab.experiment import Algorithm, Experiment
+from vtlab.run import run_batch
+from vtlab.store import returns, weights
 from vtlib.checks import check_one_of, check_whole
-from vtlib.experiments import returns
-from vtlib.experiments.experiment import Algorithm, Experiment
-from vtlib.experiments.run import run_batch
-from vtlib.experiments.store import weights
 from vtlib.stats import Interval, mean_interval
 
 

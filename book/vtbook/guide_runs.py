@@ -1,7 +1,7 @@
 """Judge transfer as it comes on four kinds of tasks that the library does not know.
 
-``python -m vtlib guide`` computes what is missing under book/results/guide and stores it, one file
-for each task: it can be interrupted, and goes on where it was. ``python -m vtlib verify guide``
+``python -m vtlab guide`` computes what is missing under book/results/guide and stores it, one file
+for each task: it can be interrupted, and goes on where it was. ``python -m vtlab verify guide``
 computes everything again, stores nothing, and says what differs.
 """
 
@@ -17,12 +17,13 @@ import numpy as np
 import torch
 from attrs import frozen
 
+from vtlab import store
+from vtlab.permutation import same_distribution_p
 from vtlib.baselines import DDQNSettings, FineTuning, MellowTDSettings
-from vtlib.experiments import store
 from vtlib.gym_runs import evaluate, solve, transfer
 from vtlib.qfunctions import MLP
 from vtlib.rng import generator
-from vtlib.stats import difference_interval, same_distribution_p
+from vtlib.stats import difference_interval
 
 RUNS, SEED = 20, 1  # fixed before any of the runs was looked at
 UNLEARNED = ("sources", "best source", "weights", "own")

@@ -8,8 +8,8 @@ import numpy as np
 
 from vtbook.experiments import rooms
 from vtbook.published import rows
-from vtlib.experiments.experiment import Experiment
-from vtlib.experiments.store import load, returns
+from vtlab.experiment import Experiment
+from vtlab.store import load, returns
 from vtlib.stats import Interval, mean_interval
 
 AT = (500, 1_000, 4_000)  # iterations

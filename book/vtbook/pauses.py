@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Sequence
 from itertools import islice
 
-from vtlib.experiments.run import Batch
+from vtlab.run import Batch
 from vtlib.training import iterate
 
 

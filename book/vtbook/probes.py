@@ -10,10 +10,10 @@ import torch
 from torch import Tensor
 
 from vtbook.coverage import inside, posterior_samples, values_at
-from vtlib.envs.base import Tasks
-from vtlib.envs.rooms.plan import plan_rooms
-from vtlib.envs.rooms.tasks import SIDE, Rooms
-from vtlib.experiments.experiment import Experiment
+from vtlab.envs.rooms.plan import plan_rooms
+from vtlab.envs.rooms.tasks import SIDE, Rooms
+from vtlab.experiment import Experiment
+from vtlib.episodes import Tasks
 from vtlib.qfunctions import QFunction
 from vtlib.replay import Transition
 from vtlib.rng import Rng

@@ -12,10 +12,10 @@ from attrs import evolve
 from vtbook import visits
 from vtbook.panels import panel
 from vtbook.plots import COLOURS
-from vtlib.envs.rooms.tasks import DOOR_WIDTH, GOAL_RADIUS, SIDE, Rooms
-from vtlib.experiments.experiment import Experiment
-from vtlib.experiments.run import run_batch, targets
-from vtlib.experiments.store import weights
+from vtlab.envs.rooms.tasks import DOOR_WIDTH, GOAL_RADIUS, SIDE, Rooms
+from vtlab.experiment import Experiment
+from vtlab.run import run_batch, targets
+from vtlab.store import weights
 
 STEPS = 255  # places are told in so many steps along each side of the square
 

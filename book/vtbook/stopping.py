@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from attrs import frozen
 
-from vtlib.envs.maze import MazeFamily, Mazes
-from vtlib.envs.maze.geometry import BORDER, SIDE
+from vtlab.envs.maze import MazeFamily, Mazes
+from vtlab.envs.maze.geometry import BORDER, SIDE
 
 
 @frozen(eq=False, slots=False)

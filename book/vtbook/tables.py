@@ -12,7 +12,7 @@ import numpy as np
 
 from vtbook.claims import VERDICTS, Claim
 from vtbook.costs import Cost
-from vtlib.experiments.experiment import Experiment
+from vtlab.experiment import Experiment
 from vtlib.stats import Interval
 
 Row = Sequence[str]

@@ -13,11 +13,11 @@ from vtbook.experiments.rooms import NT, NT_GREEDY, PUBLISHED_GVT, PUBLISHED_MGV
 from vtbook.panels import panel, static
 from vtbook.plots import COLOURS
 from vtbook.published import PublishedCurve
+from vtlab.experiment import Experiment
+from vtlab.native.build import PAGE
+from vtlab.native.runs import INTEGERS, NUMBERS, kernel_settings
+from vtlab.store import weights
 from vtlib.baselines import MellowTDSettings
-from vtlib.experiments.experiment import Experiment
-from vtlib.experiments.store import weights
-from vtlib.native.build import PAGE
-from vtlib.native.runs import INTEGERS, NUMBERS, kernel_settings
 from vtlib.priors import SPAN_JITTER
 from vtlib.transfer import Settings
 

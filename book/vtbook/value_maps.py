@@ -15,7 +15,8 @@ from torch import Tensor
 
 from vtbook.plots import BookFigure, figure_html, look
 from vtbook.walks import walks
-from vtlib.envs.base import Plane, TaskFamily, Tasks
+from vtlab.envs.base import Plane, TaskFamily
+from vtlib.episodes import Tasks
 
 NODES = 61  # of the grid, across and up
 PATH = "#D55E00"

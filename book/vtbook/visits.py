@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.special import entr
 
-from vtlib.envs.rooms.tasks import GOAL, GOAL_RADIUS, SIDE
+from vtlab.envs.rooms.tasks import GOAL, GOAL_RADIUS, SIDE
 
 WALL = SIDE / 2  # height of the one wall of two rooms
 CELLS = (int(SIDE), int(WALL))  # unit cells of the lower room, across and up

@@ -8,7 +8,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from vtlib.envs.base import Tasks
+from vtlib.episodes import Tasks
 
 
 def walks(

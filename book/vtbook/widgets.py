@@ -20,8 +20,8 @@ from vtbook.experiments.grids import (
     slider_thesis,
 )
 from vtbook.plots import Curve, image_html, learning_figure, look, power_of_ten, small_png
-from vtlib.experiments.experiment import Experiment
-from vtlib.experiments.run import run_batch
+from vtlab.experiment import Experiment
+from vtlab.run import run_batch
 from vtlib.transfer import Settings
 
 LAMBDAS = (0.0, *(float(f"1e{power}") for power in range(-8, 0)))  # of the live panel

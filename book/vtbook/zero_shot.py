@@ -3,10 +3,10 @@
 import numpy as np
 import torch
 
-from vtlib.evaluation import Evaluation
-from vtlib.experiments.experiment import Experiment
-from vtlib.experiments.run import chosen_sources, targets
-from vtlib.experiments.sources import check_pool_weights
+from vtlab.evaluation import Evaluation
+from vtlab.experiment import Experiment
+from vtlab.run import chosen_sources, targets
+from vtlab.sources import check_pool_weights
 from vtlib.rng import Rng
 
 

@@ -5,7 +5,7 @@ import math
 import pytest
 
 from vtbook import bench
-from vtlib.experiments import named
+from vtlab.registry import named
 
 
 def test_without_stored_runs_the_table_has_every_algorithm(monkeypatch, capsys, tmp_path):

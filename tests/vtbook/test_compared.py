@@ -6,8 +6,8 @@ from attrs import evolve
 
 from vtbook.experiments.compared import BUDGET, ENVIRONMENTS, SPACES, candidate
 from vtbook.experiments.factorial import FACTORIAL, PARTS, ROOMS, effects
-from vtlib.experiments.run import run_batch, targets
-from vtlib.experiments.store import weights
+from vtlab.run import run_batch, targets
+from vtlab.store import weights
 from vtlib.training import Diverged
 
 EACH = pytest.mark.parametrize("e", ENVIRONMENTS, ids=lambda e: e.experiment.name)

@@ -10,7 +10,7 @@ from attrs import evolve
 from vtbook import exercise, processors
 from vtbook.exercise import try_settings
 from vtbook.experiments.rooms import ROOMS_SOURCES
-from vtlib.experiments import returns
+from vtlab.store import returns
 from vtlib.stats import mean_interval
 
 HERE, LABEL = ROOMS_SOURCES.published, "1-MGVT-from-2"

@@ -9,7 +9,7 @@ from vtbook import judged
 from vtbook.claims import NOT, Runs
 from vtbook.experiments.grids import count_name
 from vtbook.experiments.rooms import ROOMS_SOURCES
-from vtlib.experiments import returns
+from vtlab.store import returns
 
 BOOK = Path(__file__).parents[2] / "book"
 

@@ -8,8 +8,8 @@ from vtbook.experiments.cartpole import CARTPOLE
 from vtbook.experiments.maze import MAIN, MAZE_TARGETS
 from vtbook.experiments.mountain_car import CAR
 from vtbook.experiments.rooms import ROOMS_EVALUATION
+from vtlab.experiment import Pool
 from vtlib.baselines import DDQNSettings, MellowTDSettings
-from vtlib.experiments.experiment import Pool
 from vtlib.transfer import Settings
 
 PROTOCOLS = {"rooms": ROOMS_EVALUATION, "cartpole": CARTPOLE, "mountain car": CAR}

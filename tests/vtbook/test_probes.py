@@ -12,9 +12,9 @@ from attrs import evolve
 from vtbook.coverage import LEVELS, values_at
 from vtbook.pauses import pauses
 from vtbook.probes import CoverageProbe, StabilityProbe
-from vtlib.envs.rooms import RoomsFamily, plan
-from vtlib.experiments.experiment import Pool
-from vtlib.experiments.run import prepare, run_batch, targets
+from vtlab.envs.rooms import RoomsFamily, plan
+from vtlab.experiment import Pool
+from vtlab.run import prepare, run_batch, targets
 from vtlib.td import mellowmax
 
 FAMILY = RoomsFamily(rooms=2)

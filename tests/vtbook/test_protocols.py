@@ -7,7 +7,7 @@ from attrs import evolve
 
 from vtbook.experiments import rooms
 from vtbook.experiments.cartpole import CARTPOLE
-from vtlib.experiments.run import chosen_sources, targets
+from vtlab.run import chosen_sources, targets
 from vtlib.transfer import Settings
 
 NAMES = ("EVALUATION", "CHANGE", "EXPLORATION", "LIKELIHOOD", "SOURCES")

@@ -11,8 +11,8 @@ import pytest
 from vtbook import race, visits
 from vtbook.experiments.rooms import ROOMS_EVALUATION
 from vtbook.pauses import pauses
-from vtlib.experiments.run import prepare, targets
-from vtlib.experiments.store import weights
+from vtlab.run import prepare, targets
+from vtlab.store import weights
 
 bs4 = pytest.importorskip("bs4")
 HERE = ROOMS_EVALUATION.published

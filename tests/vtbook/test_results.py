@@ -8,10 +8,9 @@ import pytest
 from vtbook.experiments import EXPERIMENTS, POOLS, maze
 from vtbook.experiments.maze import MAZES
 from vtbook.experiments.mountain_car import CARS, UNSOLVED
-from vtlib.experiments import load
-from vtlib.experiments.heads import check_heads
-from vtlib.experiments.store import results_behind, results_folder
-from vtlib.experiments.whole import check_runs, count_of, expected_seconds
+from vtlab.heads import check_heads
+from vtlab.store import load, results_behind, results_folder
+from vtlab.whole import check_runs, count_of, expected_seconds
 
 ROOT = results_folder()
 RESULTS = {f"{o.name}/{label}": (o, label) for o, label in results_behind(EXPERIMENTS.values())}

@@ -5,8 +5,8 @@ import pytest
 import torch
 
 from vtbook.stopping import StoppingMazeFamily, StoppingMazes
-from vtlib.envs.maze import MazeFamily, Mazes
-from vtlib.envs.maze.geometry import BORDER, SIDE
+from vtlab.envs.maze import MazeFamily, Mazes
+from vtlab.envs.maze.geometry import BORDER, SIDE
 
 FREE = torch.zeros(1, SIDE, SIDE, dtype=torch.bool)
 CORNER = torch.tensor([[9, 9]])

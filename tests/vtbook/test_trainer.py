@@ -19,12 +19,11 @@ from vtbook import published, trainer
 from vtbook.experiments.rooms import ROOMS_EVALUATION, ROOMS_EXPLORATION, ROOMS_LIKELIHOOD
 from vtbook.panels import STATIC, static
 from vtbook.pauses import pauses
-from vtlib.experiments import load, returns
-from vtlib.experiments.run import prepare
-from vtlib.experiments.store import weights
-from vtlib.native.build import PAGE, compile_page
-from vtlib.native.runs import LANES, MOST_COMPONENTS, MOST_SOURCES, NO_CLIP
-from vtlib.stats import same_distribution_p
+from vtlab.native.build import PAGE, compile_page
+from vtlab.native.runs import LANES, MOST_COMPONENTS, MOST_SOURCES, NO_CLIP
+from vtlab.permutation import same_distribution_p
+from vtlab.run import prepare
+from vtlab.store import load, returns, weights
 
 websocket, bs4 = map(pytest.importorskip, ("websocket", "bs4"))
 HERE = Path(__file__).resolve().parent / "trainer"
@@ -72,7 +71,7 @@ def test_the_kernel_in_the_repository_is_what_its_source_compiles_to(tmp_path):
         again = compile_page(tmp_path / "again.wasm")
     except RuntimeError as error:
         pytest.skip(str(error))
-    assert again.read_bytes() == PAGE.read_bytes(), "run: python -m vtlib.native page"
+    assert again.read_bytes() == PAGE.read_bytes(), "run: python -m vtlab.native page"
 
 
 def test_a_linter_finds_nothing_in_the_scripts():

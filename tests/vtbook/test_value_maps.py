@@ -7,7 +7,7 @@ from attrs import evolve
 from matplotlib.figure import Figure
 
 from vtbook.value_maps import NODES, draw_map, maps_picture, plane_states, value_map
-from vtlib.envs import CartpoleFamily, MountainCarFamily
+from vtlab.envs import CartpoleFamily, MountainCarFamily
 
 
 def task_of(family):

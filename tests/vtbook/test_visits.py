@@ -10,7 +10,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from vtbook.visits import arrivals, coverage, progress, share_at_door, uniform_share_at_door
-from vtlib.envs.rooms import Rooms
+from vtlab.envs.rooms import Rooms
 
 # On a lattice, so that borders of cells, of the lower room and of what is near are hit exactly.
 PLACE = st.integers(0, 80).map(lambda x: x / 8)

@@ -4,7 +4,7 @@ import numpy as np
 import torch
 
 from vtbook.walks import walks
-from vtlib.envs import Cartpole
+from vtlab.envs import Cartpole
 
 POLES = Cartpole.of(3, cart_mass=1.0, pole_mass=0.1, half_length=[0.3, 0.5, 1.0])
 

@@ -16,8 +16,7 @@ from vtbook.experiments.mountain_car import CAR
 from vtbook.experiments.protocols import FROM_MEAN, transfer_settings
 from vtbook.experiments.rooms import ROOMS_EVALUATION
 from vtbook.widgets import LivePanel
-from vtlib.experiments import returns
-from vtlib.experiments.store import weights
+from vtlab.store import returns, weights
 
 TINY = evolve(ROOMS_EVALUATION.equations, runs=3, sources=2, iterations=400, every=100)
 MGVT = transfer_settings(TINY, "1-MGVT")

@@ -4,8 +4,8 @@ import numpy as np
 import torch
 
 from vtbook.zero_shot import zero_shot
-from vtlib.evaluation import Evaluation
-from vtlib.experiments.run import chosen_sources, targets
+from vtlab.evaluation import Evaluation
+from vtlab.run import chosen_sources, targets
 from vtlib.rng import Rng
 
 

@@ -1,17 +1,8 @@
-"""python -m vtlib.native: compile the kernels, or say why torch will compute instead.
+"""python -m vtlib.native: compile the kernels, or say why torch will compute instead."""
 
-With `page` it compiles the kernel of the pages, page.wasm, which the repository holds.
-"""
+from vtlib.native.build import POSTERIOR, compile_library
 
-import sys
-
-from vtlib.native.build import compile_kernels, compile_page
-
-page = sys.argv[1:] == ["page"]
 try:
-    made = [compile_page()] if page else compile_kernels()
-    print(f"compiled: {', '.join(path.name for path in made)}")
+    print(f"compiled: {', '.join(path.name for path in compile_library(POSTERIOR))}")
 except RuntimeError as error:
-    if page:
-        sys.exit(str(error))
     print(f"{error}; torch computes instead")

@@ -1,7 +1,7 @@
 """The book's experiments: a frozen configuration per figure, offered to the command line."""
 
 from vtbook.experiments import cartpole, compared, factorial, maze, mountain_car, recommended, rooms
-from vtlib.experiments.experiment import Experiment
+from vtlab.experiment import Experiment
 
 __all__ = ["EXPERIMENTS", "POOLS", "THESIS"]
 

@@ -15,9 +15,9 @@ from vtbook.experiments.protocols import (
     transfer,
 )
 from vtbook.probes import StabilityProbe
+from vtlab.envs.cartpole import CartpoleFamily
+from vtlab.experiment import Experiment, Pool
 from vtlib.baselines import DDQNSettings, MellowTDSettings
-from vtlib.envs.cartpole import CartpoleFamily
-from vtlib.experiments.experiment import Experiment, Pool
 from vtlib.transfer import Settings
 
 ITERATIONS = 10_000

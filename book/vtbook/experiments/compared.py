@@ -24,9 +24,9 @@ from vtbook.neighbours import (
     LangevinSettings,
     RegressionSettings,
 )
+from vtlab.experiment import Algorithm, Experiment
+from vtlab.store import returns
 from vtlib.baselines import DDQNSettings, FineTuning, MellowTDSettings
-from vtlib.experiments.experiment import Algorithm, Experiment
-from vtlib.experiments.store import returns
 from vtlib.rng import generator
 from vtlib.transfer import Settings
 

@@ -13,8 +13,8 @@ from attrs import asdict, evolve
 
 from vtbook.experiments.compared import ENVIRONMENTS
 from vtbook.neighbours import UnstartedSettings
+from vtlab.experiment import Algorithm
 from vtlib.baselines import FineTuning, MellowTDSettings
-from vtlib.experiments.experiment import Algorithm
 from vtlib.transfer import Settings
 
 ROOMS, RUNS = ENVIRONMENTS[0], 20

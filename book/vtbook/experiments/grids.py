@@ -9,8 +9,8 @@ from collections.abc import Mapping, Sequence
 from attrs import evolve
 
 from vtbook.experiments.protocols import transfer_settings
+from vtlab.experiment import Experiment
 from vtlib.checks import check_one_of, check_positive
-from vtlib.experiments.experiment import Experiment
 from vtlib.transfer import Settings
 
 PSIS = (0.0, 0.5, 1.0)

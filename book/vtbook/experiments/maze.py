@@ -12,9 +12,9 @@ from vtbook.experiments.protocols import (
     mixture_one_at_a_time,
 )
 from vtbook.stopping import StoppingMazeFamily
+from vtlab.envs.maze import MazeFamily
+from vtlab.experiment import Experiment, Pool
 from vtlib.baselines import DDQNSettings, MellowTDSettings
-from vtlib.envs.maze import MazeFamily
-from vtlib.experiments.experiment import Experiment, Pool
 from vtlib.transfer import Settings
 
 ITERATIONS = 20_000

@@ -13,9 +13,9 @@ from vtbook.experiments.protocols import (
     one_at_a_time,
     transfer,
 )
+from vtlab.envs.mountain_car import MountainCarFamily
+from vtlab.experiment import Experiment, Pool
 from vtlib.baselines import DDQNSettings, MellowTDSettings
-from vtlib.envs.mountain_car import MountainCarFamily
-from vtlib.experiments.experiment import Experiment, Pool
 from vtlib.transfer import Settings
 
 ITERATIONS, SOURCE_ITERATIONS = 40_000, 50_000

@@ -12,9 +12,9 @@ from typing import NamedTuple
 
 from attrs import evolve
 
+from vtlab.experiment import Algorithm, Experiment
 from vtlib.baselines import DDQNSettings, FineTuning, MellowTDSettings
 from vtlib.checks import check_kind
-from vtlib.experiments.experiment import Algorithm, Experiment
 from vtlib.transfer import Settings
 
 KL_CLIP = 100.0

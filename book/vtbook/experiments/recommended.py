@@ -13,8 +13,8 @@ from attrs import evolve
 from vtbook.experiments.compared import ENVIRONMENTS
 from vtbook.experiments.mountain_car import CAR
 from vtbook.neighbours.repeated import RepeatedTuning
+from vtlab.experiment import Algorithm, Experiment
 from vtlib.baselines import FineTuning
-from vtlib.experiments.experiment import Algorithm, Experiment
 from vtlib.recommended import Recommended
 from vtlib.transfer import Settings
 

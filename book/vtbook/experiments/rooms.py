@@ -18,9 +18,9 @@ from vtbook.experiments.protocols import (
     transfer,
 )
 from vtbook.probes import CoverageProbe
+from vtlab.envs.rooms import RoomsFamily
+from vtlab.experiment import Algorithm, Experiment, Pool
 from vtlib.baselines import MellowTDSettings
-from vtlib.envs.rooms import RoomsFamily
-from vtlib.experiments.experiment import Algorithm, Experiment, Pool
 from vtlib.transfer import Settings
 
 ITERATIONS = 20_000

@@ -8,9 +8,8 @@ from vtbook.claims import EARLY, MIXTURES, OPTIMAL, TRANSFER, Claim, Figure
 from vtbook.experiments.cartpole import CARTPOLE
 from vtbook.experiments.mountain_car import CAR, FLOOR
 from vtbook.zero_shot import zero_shot
-from vtlib.experiments import load
-from vtlib.experiments.experiment import Pool
-from vtlib.experiments.store import weights
+from vtlab.experiment import Pool
+from vtlab.store import load, weights
 from vtlib.rng import generator
 from vtlib.stats import Interval, mean_interval
 

@@ -23,7 +23,7 @@ from vtbook.comparisons import slope_interval
 from vtbook.experiments import rooms
 from vtbook.experiments.grids import count_name
 from vtbook.published import rows
-from vtlib.experiments import load, returns
+from vtlab.store import load, returns
 from vtlib.stats import Interval, difference_interval, mean_interval
 
 Measure = Callable[..., Interval]

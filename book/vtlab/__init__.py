@@ -1,0 +1,1 @@
+"""The laboratory: the thesis' tasks, and what runs, stores and verifies experiments."""

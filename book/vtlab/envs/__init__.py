@@ -1,0 +1,34 @@
+"""The environments; importing this package registers them with Gymnasium."""
+
+import gymnasium
+
+from vtlab.envs.cartpole import Cartpole, CartpoleFamily
+from vtlab.envs.maze import MazeFamily, Mazes, load_mazes, parse_maze
+from vtlab.envs.mountain_car import MountainCar, MountainCarFamily
+from vtlab.envs.rooms import Rooms, RoomsFamily
+
+__all__ = [
+    "Cartpole",
+    "CartpoleFamily",
+    "MazeFamily",
+    "Mazes",
+    "MountainCar",
+    "MountainCarFamily",
+    "Rooms",
+    "RoomsFamily",
+    "load_mazes",
+    "parse_maze",
+]
+
+_PACKAGES = {
+    "Rooms": ("rooms", Rooms.horizon),
+    "Cartpole": ("cartpole", Cartpole.horizon),
+    "MountainCar": ("mountain_car", MountainCar.horizon),
+    "Maze": ("maze", Mazes.horizon),
+}
+for _name, (_package, _horizon) in _PACKAGES.items():
+    gymnasium.register(
+        f"vtlab/{_name}-v0",
+        f"vtlab.envs.{_package}.gym:{_name}Env",
+        max_episode_steps=_horizon,
+    )

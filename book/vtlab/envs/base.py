@@ -1,0 +1,192 @@
+"""What an environment of the laboratory is: tasks in batches, and one record of all else about it."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from typing import Any, ClassVar, Self, cast
+
+import numpy as np
+import torch
+from attrs import evolve, fields_dict, frozen
+from numpy.typing import ArrayLike
+from torch import Tensor
+
+from vtlib.checks import check_kind, check_whole, shown
+from vtlib.episodes import Tasks
+from vtlib.qfunctions import QFunction
+from vtlib.rng import generator
+
+
+@frozen(eq=False, slots=False)
+class TaskBatch:
+    """R tasks, one per row; subclasses are frozen attrs classes.
+
+    `parameters` names the fields with a row for each task; what other fields hold is common to all.
+    """
+
+    parameters: ClassVar[tuple[str, ...]]
+    state_dim: ClassVar[int]
+    noise_dim: ClassVar[int]
+
+    def __len__(self) -> int:
+        return len(getattr(self, self.parameters[0]))
+
+    def observe(self, state: Tensor) -> Tensor:
+        """Observations (R, obs_dim) of the states (R, obs_dim): the states themselves."""
+        return state
+
+    def select(self, index: Tensor | np.ndarray | Sequence[int]) -> Self:
+        """The tasks at `index`, in that order; an index may repeat. Raises IndexError outside."""
+        rows, batch = torch.as_tensor(index), cast(Any, self)
+        return cast(Self, evolve(batch, **{n: getattr(self, n)[rows] for n in self.parameters}))
+
+    @classmethod
+    def join(cls, batches: Sequence[Self]) -> Self:
+        """All tasks of several batches, in order; ValueError for none, or other common fields."""
+        if not batches:
+            raise ValueError("there must be at least one batch of tasks to join")
+        first: Any = batches[0]
+        for name in fields_dict(cls).keys() - set(cls.parameters):
+            if not all(np.array_equal(getattr(b, name), getattr(first, name)) for b in batches):
+                raise ValueError(f"joined tasks must have the same {name}, got different ones")
+        rows = {name: torch.cat([getattr(b, name) for b in batches]) for name in cls.parameters}
+        return cast(Self, evolve(first, **rows))
+
+    def _check_step(self, state: Tensor, action: Tensor, noise: Tensor) -> None:
+        shapes = (len(self), self.state_dim), (len(self),), (len(self), self.noise_dim)
+        got = tuple(state.shape), tuple(action.shape), tuple(noise.shape)
+        if got != shapes:
+            raise ValueError(f"state, action, noise must have shapes {shapes}, got {got}")
+
+
+class ParameterBatch(TaskBatch):
+    """Tasks without noise, told apart by positive, finite float32 (R,); ValueError otherwise."""
+
+    noise_dim: ClassVar[int] = 0
+
+    def __attrs_post_init__(self) -> None:
+        for name in self.parameters:
+            value = getattr(self, name)
+            check_kind(name, value, Tensor)
+            if value.ndim != 1 or len(value) != len(self) or value.dtype != torch.float32:
+                raise ValueError(
+                    f"parameters must be float32 vectors of one length, got {name} of shape "
+                    f"{tuple(value.shape)} and type {value.dtype}"
+                )
+            # Written so that NaN is refused too.
+            wrong = ~((value > 0) & (value < math.inf))
+            if bool(wrong.any()):
+                raise ValueError(f"{name} must be positive and finite, got {value[wrong][0]:g}")
+
+    @classmethod
+    def of(cls, count: int, **parameters: ArrayLike) -> Self:
+        """`count` tasks, each parameter a number for all or a vector (count,); else ValueError."""
+        check_whole("count", count)
+        vectors = {}
+        for name, value in parameters.items():
+            array = float_array(name, value)
+            if array.shape not in ((), (count,)):
+                raise ValueError(
+                    f"{name} must be a number or have shape ({count},), got shape {array.shape}"
+                )
+            vectors[name] = torch.from_numpy(np.full(count, array))
+        return cls(**vectors)
+
+
+@frozen
+class Plane:
+    """Two coordinates of a state, the others being zero, and how to show values over them.
+
+    `units` are those of the labels in the state's own, `values` is the range of the colours, and
+    `start` the state from which a policy's path is drawn.
+    """
+
+    axes: tuple[int, int]
+    ends: tuple[tuple[float, float], tuple[float, float]]
+    labels: tuple[str, str]
+    units: tuple[float, float]
+    values: tuple[float, float]
+    start: tuple[float, ...]
+
+
+@frozen
+class TaskFamily(ABC):
+    """A distribution over tasks, and the one record of what its environment brings to experiments.
+
+    `parameters` are the fields that tell its tasks apart, `limits` those of the axis of returns in
+    figures, `scale` the deviation of a network's first weights (0 for a linear Q-function),
+    `window` how many of the last episodes the learning return is a mean of, and `plane` what values
+    are mapped over, if they can be. `kernel` is the name of its kernel in `vtlab.native`, if any.
+    """
+
+    parameters: ClassVar[tuple[str, ...]]
+    limits: ClassVar[tuple[float, float]]
+    scale: ClassVar[float] = 0.1
+    window: ClassVar[int] = 50
+    plane: ClassVar[Plane | None] = None
+    kernel: ClassVar[str] = ""
+
+    # Tasks are Any here: each family has its own kind of them.
+
+    @abstractmethod
+    def q(self) -> QFunction:
+        """The Q-function of the environment's experiments."""
+
+    @abstractmethod
+    def optimum(self, tasks: Any) -> Tensor:
+        """Best mean discounted return (R,) that an episode of each task can earn."""
+
+    @abstractmethod
+    def sample(self, rng: np.random.Generator, count: int) -> Tasks:
+        """Draw `count` tasks, independent and alike. Raises ValueError when count < 1."""
+
+    def join(self, tasks: Sequence[Any]) -> Any:
+        """All tasks of several batches, in their order. Raises ValueError when there is none."""
+        return (type(tasks[0]) if tasks else TaskBatch).join(tasks)
+
+    def solved(self, returns: Tensor, optimum: Tensor, required: float) -> Tensor:
+        """Whether greedy returns (R, E) of E episodes solve each task to a share, bool (R,).
+
+        Here: whether their mean misses the optimum (R,) by at most 1 - required of its size.
+        """
+        return returns.mean(1) >= optimum - (1 - required) * optimum.abs()
+
+    def for_sources(self, tasks: Any) -> Any:
+        """The tasks as sources learn them: as they are, unless a family says otherwise."""
+        return tasks
+
+    def draw_tasks(self, stream: str, runs: Sequence[int]) -> Tasks:
+        """One task for each run, whatever the other runs are."""
+        tasks: Tasks = self.join([self.sample(generator(stream, run, "task"), 1) for run in runs])
+        return tasks
+
+    def source_tasks(self, stream: str, sources: Sequence[int]) -> Tasks:
+        """The tasks of some sources of a pool: each drawn from a generator of its own."""
+        return self.draw_tasks(stream, sources)
+
+    def first_weights(self, stream: str, runs: Sequence[int]) -> Tensor:
+        """Weights (R, d) before learning, each run's from a generator of its own."""
+        own, d = [generator(stream, run, "first weights") for run in runs], self.q().d
+        return torch.from_numpy(self.scale * np.stack([g.standard_normal(d) for g in own])).float()
+
+    def kernel_parameters(self, tasks: Any, row: int) -> list[float]:
+        """The numbers that tell a task apart for the kernel, at most five."""
+        return [float(getattr(tasks, name)[row]) for name in self.parameters]
+
+    def values(self, tasks: Any) -> dict[str, np.ndarray]:
+        """What tells some tasks of the family apart, one array (R, ...) per parameter."""
+        return {name: getattr(tasks, name).numpy() for name in self.parameters}
+
+
+def float_array(name: str, value: ArrayLike) -> np.ndarray:
+    """A number, or numbers in nested lists of one shape, as float32; ValueError for others."""
+    try:
+        array = np.asarray(value)
+    except ValueError:  # rows of different lengths
+        array = np.asarray(None)
+    if array.dtype.kind not in "iuf":
+        raise ValueError(f"{name} must be a number or an array of numbers, got {shown(value)}")
+    with np.errstate(over="ignore"):  # what becomes infinite is refused by those that ask
+        return array.astype(np.float32)

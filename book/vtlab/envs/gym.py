@@ -1,0 +1,84 @@
+"""Tasks of the laboratory as Gymnasium environments, one task each."""
+
+from pkgutil import resolve_name
+from typing import Any, ClassVar
+
+import gymnasium
+import numpy as np
+import torch
+from gymnasium import spaces
+from gymnasium.error import ResetNeeded
+from torch import Tensor
+
+from vtlib.checks import check_whole, shown
+
+
+def env_metadata(render_fps: int) -> dict[str, Any]:
+    """What Gymnasium wants to know of an environment."""
+    return {"render_modes": ["rgb_array"], "render_fps": render_fps}
+
+
+class TasksEnv(gymnasium.Env[np.ndarray, np.int64]):
+    """The only task of a batch as an environment; subclasses hold arguments, space and words.
+
+    An episode is truncated after `horizon` steps. Raises ValueError when an argument is out of
+    range, as do the subclasses.
+    """
+
+    # Called with axes, tasks, index and state. Only named, as "module:function", for matplotlib
+    # takes most of a second to import and only pictures need it.
+    drawing: ClassVar[str]
+    picture_size: ClassVar[tuple[int, int]] = (400, 400)  # width and height in pixels
+
+    def __init__(
+        self, tasks: Any, space: spaces.Box, horizon: int, render_mode: str | None
+    ) -> None:
+        check_whole("horizon", horizon)
+        if render_mode not in (None, "rgb_array"):
+            raise ValueError(f"render_mode must be None or 'rgb_array', got {shown(render_mode)}")
+        self.tasks, self.horizon, self.render_mode = tasks, horizon, render_mode
+        self.observation_space, self.action_space = space, spaces.Discrete(tasks.n_actions)
+        self._state = torch.empty(0)
+        self._steps, self._over = 0, True
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[np.ndarray, dict[str, Any]]:
+        """Begin an episode: observation (obs_dim,) float32 and an empty info; no options known."""
+        super().reset(seed=seed)
+        u = self.np_random.random((1, self.tasks.start_dim), np.float32)
+        self._state = self.tasks.start(torch.from_numpy(u))
+        self._steps, self._over = 0, False
+        return self._observation(), {}
+
+    def step(self, action: np.int64) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
+        """Act once. Raises ValueError for an unknown action, ResetNeeded after an episode."""
+        if not self.action_space.contains(action):
+            last = self.tasks.n_actions - 1
+            raise ValueError(f"action must be an integer in 0..{last}, got {action!r}")
+        if self._over:
+            raise ResetNeeded("call reset() before step(): no episode is running")
+        noise = self.np_random.standard_normal((1, self.tasks.noise_dim), np.float32)
+        self._state, reward, terminated = self.tasks.step(
+            self._state, torch.tensor([int(action)]), torch.from_numpy(noise)
+        )
+        self._steps += 1
+        ended, truncated = bool(terminated), self._steps >= self.horizon
+        self._over = ended or truncated
+        return self._observation(), float(reward), ended, truncated, {}
+
+    def render(self) -> np.ndarray | None:
+        """A picture (height, width, 3) uint8 of the task now, None without a render mode."""
+        if self.render_mode is None:
+            return None
+        if not len(self._state):
+            raise ResetNeeded("call reset() before render(): no episode is running")
+        picture, draw = resolve_name("vtlab.envs.draw:picture"), resolve_name(self.drawing)
+        state = self._state[0].numpy()
+        drawn: np.ndarray = picture(lambda ax: draw(ax, self.tasks, 0, state), self.picture_size)
+        return drawn
+
+    def _observation(self) -> np.ndarray:
+        # Copied: an observation may be the state itself, and is the caller's to change.
+        seen: Tensor = self.tasks.observe(self._state)[0]
+        return seen.numpy().copy()

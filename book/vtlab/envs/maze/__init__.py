@@ -1,0 +1,58 @@
+"""Maze navigation: what it brings to the experiments."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import torch
+from attrs import field, frozen
+from torch import Tensor
+
+from vtlab.envs.base import TaskFamily
+from vtlab.envs.maze.library import library, load_mazes, parse_maze
+from vtlab.envs.maze.plan import earned, plan_maze
+from vtlab.envs.maze.tasks import Mazes
+from vtlib.checks import check_one_of, check_whole, shown
+from vtlib.qfunctions import MLP
+
+__all__ = ["MazeFamily", "Mazes", "load_mazes", "parse_maze"]
+
+
+@frozen
+class MazeFamily(TaskFamily):
+    """Mazes of the library, each of `names` as likely; all twenty unless told otherwise.
+
+    Raises ValueError when there is no name, or an unknown one.
+    """
+
+    names: tuple[str, ...] = field(factory=lambda: tuple(library()))
+
+    parameters = Mazes.parameters
+    limits = (-0.02, 0.9)
+    window = 25
+
+    def __attrs_post_init__(self) -> None:
+        if not (isinstance(self.names, tuple) and self.names):
+            raise ValueError(f"names must be a tuple of at least one, got {shown(self.names)}")
+        for name in self.names:
+            check_one_of("names", name, library())
+
+    def q(self) -> MLP:
+        """A network with two hidden layers of 32 units: 1,891 weights."""
+        return MLP((22, 32, 32, 3))
+
+    def optimum(self, tasks: Mazes) -> Tensor:
+        """What the planned policy earns (R,). A maze's number is the same in every batch."""
+        drawn = torch.cat([tasks.walls.flatten(1).long(), tasks.goal], 1)
+        _, which = drawn.unique(dim=0, return_inverse=True)
+        mazes = which.tolist()
+        found = {maze: earned(plan_maze(tasks, mazes.index(maze))) for maze in set(mazes)}
+        return torch.stack([found[maze] for maze in mazes])
+
+    def sample(self, rng: np.random.Generator, count: int) -> Mazes:
+        """Draw `count` tasks, independent and alike. Raises ValueError when count < 1."""
+        check_whole("count", count)
+        return Mazes.of([self.names[i] for i in rng.integers(len(self.names), size=count)])
+
+    def source_tasks(self, stream: str, sources: Sequence[int]) -> Mazes:
+        """The family's mazes, one for each source of a pool, in the order of their names."""
+        return Mazes.of([self.names[i] for i in sources])

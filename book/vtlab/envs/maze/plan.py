@@ -1,0 +1,72 @@
+"""Optimal values of mazes by dynamic programming on a grid of positions and headings."""
+
+import math
+
+import torch
+from torch import Tensor
+
+from vtlab.envs.maze.geometry import CLEARANCE, SIDE
+from vtlab.envs.maze.tasks import Mazes
+from vtlab.envs.planning import GridPlan, around, plan_without_noise
+from vtlib.rng import generator
+
+PER_CELL = 4  # nodes along a side of a cell, the outer ones where a robot touches its walls
+HEADINGS = 32
+RIM = 1.02 * CLEARANCE  # from a cell's side to its outer nodes: rounding must not make them touch
+EPISODES = 4000
+
+
+def plan_maze(mazes: Mazes, index: int) -> GridPlan:
+    """Optimal values of one maze of a batch, by as many sweeps as an episode has steps.
+
+    The noise is left out, for the grid blurs the values as much: in the noisy mazes of the library
+    this plan earns 0.708 on average, one that integrates the noise 0.708, and one on a finer grid
+    (6 nodes, 48 headings) 0.710. Raises IndexError when there is no such row.
+    """
+    within = torch.linspace(RIM, 1 - RIM, PER_CELL)
+    line = (torch.arange(SIDE).unsqueeze(1) + within).flatten()
+    turns = torch.arange(HEADINGS) * (2 * math.pi / HEADINGS)
+    nodes = torch.cartesian_prod(line, line, turns)
+    return plan_without_noise(mazes, index, nodes, _locate, Mazes.horizon)
+
+
+def earned(planned: GridPlan) -> Tensor:
+    """The mean discounted return () of the planned policy over 4000 episodes.
+
+    It is followed in the noisy maze itself from the episodes' own random starts, so the number is
+    one that a policy reaches, whatever the grid's error. Its standard error is 0.0003 for the
+    easiest mazes of the library to 0.002 for the hardest.
+    """
+    rng = generator("maze optimum", 0, "episodes")
+    u = torch.from_numpy(rng.random((EPISODES, Mazes.start_dim)))
+    # Evenly over the cells: which one an episode starts in matters more than all other chance.
+    u[:, 0] = (u[:, 0] + torch.arange(EPISODES)) / EPISODES
+    maze = planned.copies.select([0])
+    state = maze.select([0] * EPISODES).start(u)
+    total, discount = torch.zeros(()), 1.0
+    for _ in range(Mazes.horizon):
+        noise = torch.from_numpy(rng.standard_normal((len(state), Mazes.noise_dim)))
+        action = planned.greedy(state)
+        state, reward, terminated = maze.select([0] * len(state)).step(state, action, noise)
+        total += discount * reward.sum()
+        discount *= Mazes.gamma
+        state = state[~terminated]
+        if not len(state):
+            break
+    return total / EPISODES
+
+
+def _locate(states: Tensor) -> tuple[Tensor, Tensor]:
+    """Indices (B, 8) of the nodes around states (B, 3), and their weights.
+
+    The four positions are of the state's own cell, so that no value comes through a wall.
+    """
+    place = states.T
+    cell = place[:2].floor()
+    within = (place[:2] - cell - RIM) / (1 - 2 * RIM) * (PER_CELL - 1)
+    turn = place[2:] * (HEADINGS / (2 * math.pi))
+    # Headings go round for ever, which is as good as a grid without an end.
+    cells = torch.tensor([PER_CELL - 1.0, PER_CELL - 1.0, math.inf])
+    (x, y, heading), weight = around(torch.cat([within, turn]), cells)
+    left, low = PER_CELL * cell.long().unsqueeze(2)
+    return ((left + x) * (SIDE * PER_CELL) + low + y) * HEADINGS + heading % HEADINGS, weight

@@ -1,0 +1,269 @@
+"""Whole runs in C++, one at a time: the same as the engine's, up to rounding.
+
+A run's factors stay in the processor's cache, where the engine walks those of many runs through
+memory. ``train_natively`` stands for ``vtlib.training.train`` where ``supports`` says so. Random
+numbers are those of the engine's streams.
+"""
+
+import ctypes
+import itertools
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from vtlab.envs.base import TaskFamily
+from vtlab.native.build import RUNS
+from vtlib.baselines import FineTuning, MellowTDSettings
+from vtlib.episodes import Tasks
+from vtlib.native import kernels
+from vtlib.posteriors.dense import start_factors
+from vtlib.rng import generator
+from vtlib.training import FINGERPRINTS, Curves, check_finite, curves_of
+from vtlib.transfer import Settings
+
+LEARNER, GAUSSIAN, MIXTURE = range(3)
+LANES, MOST_COMPONENTS, MOST_SOURCES, MOST_BATCH, WINDOW = 16, 3, 10, 512, 50
+MOST_PARAMETERS = 5  # of a task
+DISCOUNT = 0.99  # as all families have it
+LINE = 64  # bytes that a cache line has, at multiples of which the kernel's arrays lie
+AHEAD = 16  # iterations whose random numbers are drawn at a time
+NO_CLIP = 3e38
+INTEGERS = "family components sources n_samples minibatch buffer equal diagonal_kl epsilon_steps"
+NUMBERS = (
+    "lambda_ psi kappa gamma alpha_mu alpha_L sigma_min clip kl_clip scale "
+    "epsilon_start epsilon_end"
+)
+ROLES = ("posterior", "component", "replay", "noise", "start", "exploration")
+
+
+class _Settings(ctypes.Structure):
+    """As ``Settings`` in algorithm.h."""
+
+    _fields_ = [
+        *((name, ctypes.c_int32) for name in INTEGERS.split()),
+        *((name, ctypes.c_float) for name in NUMBERS.split()),
+        ("task", ctypes.c_float * MOST_PARAMETERS),
+    ]
+
+
+class _Random(ctypes.Structure):
+    """As ``Random`` in algorithm.h, in the order of ROLES."""
+
+    _fields_ = [(role, ctypes.c_void_p) for role in ROLES]
+
+
+def supports(family: TaskFamily, algorithm: Any, sources: int) -> bool:
+    """Whether the kernels can run an algorithm, with so many sources, on tasks of a family."""
+    library = kernels(RUNS)
+    if library is None or not vars(type(family)).get("kernel") or family.window != WINDOW:
+        return False
+    if getattr(library, f"{family.kernel}_weights")() != family.q().d:
+        return False
+    # nor here what derives from them, whose agent or dynamics may be another's
+    if type(algorithm) is FineTuning:
+        algorithm = algorithm.learner
+    known = type(algorithm) in (MellowTDSettings, Settings) and algorithm.gamma == DISCOUNT
+    if not known or algorithm.minibatch > MOST_BATCH:
+        return False
+    return not algorithm.transfers or bool(
+        algorithm.components <= MOST_COMPONENTS
+        and algorithm.n_samples < LANES
+        and sources <= MOST_SOURCES
+        and (algorithm.act, algorithm.covariance, algorithm.patience) == ("step", "full", 0)
+    )
+
+
+def kernel_settings(algorithm: Any) -> dict[str, Any]:
+    """What the kernel is told of an algorithm, by the names that it has there."""
+    s = algorithm
+    told = {x: getattr(s, x) for x in f"{INTEGERS} {NUMBERS}".split() if hasattr(s, x)}
+    if not s.transfers:
+        return {**told, "family": LEARNER, "components": 1, "alpha_mu": s.alpha, "clip": NO_CLIP}
+    gaussian = s.family == "gaussian"
+    return {
+        **told,
+        "family": GAUSSIAN if gaussian else MIXTURE,
+        "clip": NO_CLIP if s.clip is None else s.clip,
+        "kl_clip": NO_CLIP if s.kl_clip is None else s.kl_clip,
+        "equal": s.responsibilities == "equal",
+        "diagonal_kl": s.kl == "diagonal",
+        "scale": 1 / (s.jitter if gaussian else s.sigma_p2),
+    }
+
+
+class NativeRun:
+    """One run in the kernel's memory, on the task in a row of a batch.
+
+    given: sources (S, d) if the algorithm transfers, else first weights (d,). mu (C, d) are the
+    present means, L the first factor's entries. Random numbers have the names of an experiment's.
+    """
+
+    def __init__(
+        self,
+        family: TaskFamily,
+        tasks: Tasks,
+        row: int,
+        algorithm: Any,
+        given: Tensor,
+        name: str,
+        run: int,
+    ) -> None:
+        if isinstance(algorithm, FineTuning):
+            given = algorithm.first_weights(given.unsqueeze(0))[0]
+            algorithm = algorithm.learner
+        library = kernels(RUNS)
+        self._call = {
+            part: getattr(library, f"{family.kernel}_{part}")
+            for part in ("bytes", "begin", "iterate", "learning")
+        }
+        self._call["bytes"].restype, self._call["learning"].restype = ctypes.c_int64, ctypes.c_float
+        self._algorithm, self._tasks, self._d = algorithm, tasks, family.q().d
+        self._rng = {role: generator(name, run, role) for role in ROLES}
+        size = self._call["bytes"](algorithm.buffer) + LINE
+        self._memory = np.zeros(size, np.uint8)
+        at = -self._memory.ctypes.data % LINE
+        self._at = ctypes.c_void_p(self._memory.ctypes.data + at)
+        self._settings = _Settings.from_buffer(self._memory.data, at)
+        self._find_arrays(at)
+        factors = self._set(given, family.kernel_parameters(tasks, row))
+        noise = self._numbers("posterior", 1)
+        if self.mu.shape[0] > 1:
+            self._numbers("component", 1)  # the engine draws one before its first step
+        start = self._numbers("start", 1)
+        self._call["begin"](self._at, factors.ctypes, noise.ctypes, start.ctypes)
+
+    def _find_arrays(self, at: int) -> None:
+        """Find the kernel's arrays in the memory of the run."""
+        fields = [
+            ("settings", _Settings),
+            ("steps", ctypes.c_int64),
+            ("time_and_finished", ctypes.c_int32 * 2),
+            ("running_and_discount", ctypes.c_float * 2),
+            ("returns", ctypes.c_float * WINDOW),
+            ("observation", ctypes.c_float * self._tasks.obs_dim),
+        ]
+        head: Any = type("Head", (ctypes.Structure,), {"_fields_": fields})
+        self._head = head.from_buffer(self._memory.data, at)
+        wide = -(-self._d // LANES) * LANES
+        at += -(-ctypes.sizeof(head) // LINE) * LINE
+
+        def rows(count: int) -> np.ndarray:
+            nonlocal at
+            array = self._memory[at : at + 4 * count * wide].view(np.float32)
+            at += 4 * count * wide
+            return array.reshape(count, wide)[:, : self._d]
+
+        self.mu = rows(MOST_COMPONENTS)
+        rows(2 * MOST_COMPONENTS)
+        self._sources, self._W = rows(MOST_SOURCES), rows(MOST_SOURCES)
+        rows(MOST_SOURCES)
+        self.L = self._memory[at : at + 4 * kernels().posterior_size(self._d)].view(np.float32)
+
+    def _set(self, given: Tensor, parameters: list[float]) -> np.ndarray:
+        """Hand over all that a run begins with, but the factors L (C, d, d), which are returned."""
+        s, to = self._algorithm, self._settings
+        for name, value in kernel_settings(s).items():
+            setattr(to, name, value)
+        to.task[:] = [*parameters, *[0.0] * (MOST_PARAMETERS - len(parameters))]
+        if not s.transfers:
+            self.mu = self.mu[:1]
+            self.mu[:] = given.numpy()
+            return np.zeros(0, np.float32)
+        to.sources = len(given)
+        prior = s.prior(given.unsqueeze(0))
+        start = prior.start(s.components, s.init)
+        self.mu = self.mu[: s.components]
+        self.mu[:] = start.mu[0].numpy()
+        if prior.precision.W is not None:
+            self._sources[0] = prior.mu[0, 0].numpy()
+            self._W[: len(given)] = prior.precision.W[0].T.numpy()
+        elif to.equal:  # only their mean matters
+            self._sources[0], to.sources = given.mean(0).numpy(), 1
+        else:
+            self._sources[: len(given)] = given.numpy()
+        return np.ascontiguousarray(start_factors(start, s.sigma_min).numpy())
+
+    def _numbers(self, role: str, iterations: int) -> np.ndarray:
+        s, tasks, rng = self._algorithm, self._tasks, self._rng[role]
+        each = {
+            "posterior": s.components * (s.n_samples + 1) * self._d if s.transfers else 0,
+            "component": int(s.transfers and s.components > 1),
+            "replay": s.minibatch,
+            "noise": tasks.noise_dim,
+            "start": tasks.start_dim,
+            "exploration": 0 if s.transfers else 2,
+        }[role]
+        normal = role in ("posterior", "noise")
+        draw: Any = rng.standard_normal if normal else rng.random
+        numbers: np.ndarray = draw(iterations * each, np.float32)
+        return numbers
+
+    def advance(self, iterations: int) -> None:
+        """So many iterations."""
+        for done in range(0, iterations, AHEAD):
+            count = min(AHEAD, iterations - done)
+            numbers = [self._numbers(role, count) for role in ROLES]
+            random = _Random(*(array.ctypes.data for array in numbers))
+            self._call["iterate"](self._at, count, ctypes.byref(random))
+
+    @property
+    def learning(self) -> float:
+        """Mean return of the last finished episodes."""
+        return float(self._call["learning"](self._at))
+
+    @property
+    def fingerprint(self) -> np.ndarray:
+        """As ``vtlib.training.fingerprint``, (4,)."""
+        mu = self.mu.astype(np.float64)
+        with np.errstate(all="ignore"):  # a run that has diverged is named at its next record
+            sums = mu.sum(), (mu**2).sum()
+        return np.array([*sums, sum(self._head.observation), self.learning])
+
+
+def train_natively(
+    runs: Sequence[NativeRun],
+    evaluate: Callable[[Tensor], Tensor],
+    iterations: int,
+    every: int,
+    names: list[str],
+    progress: Callable[[int], bool] | None = None,
+    threads: int = 1,
+) -> Curves:
+    """As ``vtlib.training.train``; each run goes on alone from one record to the next.
+
+    As many run at once as there are threads, for the kernels leave Python's lock to others, and go
+    on while they are evaluated.
+    """
+    kept, learning, greedy, prints = [], [], [], []
+    records = range(every, iterations + 1, every)
+    times = sorted({*records, *(f for f in FINGERPRINTS if f <= iterations)})
+    pool = ThreadPoolExecutor(threads)
+
+    def advance(count: int) -> list[Future[None]]:
+        return [pool.submit(run.advance, count) for run in runs]
+
+    try:
+        under_way = advance(times[0])
+        for t, later in itertools.zip_longest(times, times[1:]):
+            for one in under_way:
+                one.result()
+            if t in FINGERPRINTS:
+                prints.append([run.fingerprint for run in runs])
+            if t in records:
+                mu = torch.from_numpy(np.stack([run.mu for run in runs]))
+                check_finite(mu, names, t)
+                kept.append(t)
+                learning.append([run.learning for run in runs])
+            if later is not None:
+                under_way = advance(later - t)
+            if t in records:
+                greedy.append(evaluate(mu).numpy())
+                if progress is not None and not progress(t):
+                    break
+    finally:
+        pool.shutdown(cancel_futures=True)
+    return curves_of(len(runs), kept, learning, greedy, prints)

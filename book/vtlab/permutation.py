@@ -1,0 +1,39 @@
+"""A test whether two samples of runs could be exchanged."""
+
+import numpy as np
+import scipy
+from numpy import ndarray
+from numpy.random import Generator
+
+from vtlib.stats import checked_runs
+
+
+def same_distribution_p(a: ndarray, b: ndarray, rng: Generator, draws: int = 10_000) -> float:
+    """P value of the hypothesis that paired runs a (R,) and b (R,) could be exchanged.
+
+    Statistic: the Kolmogorov-Smirnov distance of the two samples; its law under the hypothesis
+    comes from exchanging the two runs of random pairs (in all ways, where those are fewer than the
+    draws), so runs of equal seeds may depend on each other. Source: Good (2005).
+    """
+    found = scipy.stats.permutation_test(
+        checked_runs(a, b),
+        _distance,
+        permutation_type="samples",
+        vectorized=True,
+        n_resamples=draws,
+        batch=1_000,  # a million draws of many runs need not stand in memory at once
+        alternative="greater",
+        rng=rng,
+    )
+    return float(found.pvalue)
+
+
+def _distance(x: ndarray, y: ndarray, axis: int) -> ndarray:
+    """R times the Kolmogorov-Smirnov distance of samples x and y of R runs along an axis."""
+    both = np.concatenate([x, y], axis)
+    order = both.argsort(axis)
+    steps = np.where(order < x.shape[axis], 1, -1).cumsum(axis)
+    # Equal values make one step of the empirical distributions, at the last of them.
+    ends = np.diff(np.take_along_axis(both, order, axis), axis=axis, append=np.inf) > 0
+    largest: ndarray = np.abs(steps * ends).max(axis)
+    return largest

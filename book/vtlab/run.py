@@ -1,0 +1,171 @@
+"""One batch of runs of an experiment: draw targets and sources, build the agents, train."""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+import torch
+from attrs import evolve, frozen
+from torch import Tensor
+
+from vtlab.evaluation import Evaluation
+from vtlab.experiment import Experiment
+from vtlab.native.runs import NativeRun, supports, train_natively
+from vtlab.sources import check_pool_weights
+from vtlib.episodes import Episodes, Tasks
+from vtlib.rng import Rng, generator
+from vtlib.training import FINGERPRINTS, Agent, one_thread, train
+
+EVALUATION_EPISODES = 10
+
+
+@frozen
+class Batch:
+    """Some runs of one algorithm, ready to train."""
+
+    agent: Agent
+    episodes: Episodes
+    evaluate: Evaluation
+
+
+def targets(experiment: Experiment, runs: Sequence[int]) -> Tasks:
+    """The target task of each run."""
+    return experiment.family.draw_tasks(
+        experiment.stream, [run // experiment.runs_per_task for run in runs]
+    )
+
+
+def chosen_sources(experiment: Experiment, runs: Sequence[int]) -> np.ndarray:
+    """Indices (R, sources) of the pool's sources that each run transfers from."""
+    rngs = [generator(experiment.stream, run, "sources") for run in runs]
+    eligible, count = experiment.eligible, experiment.sources
+    return np.stack([rng.choice(eligible, count, replace=False) for rng in rngs])
+
+
+def prepare(
+    experiment: Experiment,
+    label: str,
+    runs: Sequence[int],
+    weights: np.ndarray,
+    device: str = "cpu",
+) -> Batch:
+    """Agents, episodes and evaluation of some runs of an algorithm.
+
+    weights (count, d) are those of the pool's sources. Posteriors live on the device. Raises
+    ValueError when an algorithm that transfers is given weights that are not finite, not float32
+    or of another shape.
+    """
+    family, rng = experiment.family, Rng(experiment.stream, runs)
+    tasks, given = targets(experiment, runs), _given(experiment, label, runs, weights)
+    noise, starts = rng.stream("noise"), rng.stream("start")
+    return Batch(
+        experiment.algorithms[label].agent(family.q(), given.to(device), tasks.obs_dim, rng),
+        Episodes(tasks, noise, starts, family.window, experiment.visits),
+        _evaluation(experiment, runs),
+    )
+
+
+def _evaluation(experiment: Experiment, runs: Sequence[int]) -> Evaluation:
+    q, rng = experiment.family.q(), Rng(experiment.stream, runs)
+    over = "each" if experiment.each else "mean"
+    return Evaluation(q, targets(experiment, runs), rng, EVALUATION_EPISODES, over)
+
+
+def _given(experiment: Experiment, label: str, runs: Sequence[int], weights: np.ndarray) -> Tensor:
+    """What an algorithm begins with: the sources (R, S, d) of each run, or first weights (R, d)."""
+    if not experiment.algorithms[label].transfers:
+        return experiment.family.first_weights(experiment.stream, runs)
+    check_pool_weights(experiment.pool, weights)
+    chosen = chosen_sources(experiment, runs)[:, : experiment.sources_of(label)]
+    return torch.from_numpy(weights[chosen])
+
+
+@one_thread()
+def run_batch(
+    experiment: Experiment,
+    label: str,
+    runs: Sequence[int],
+    weights: np.ndarray,
+    progress: Callable[[int], bool] | None = None,
+    device: str = "cpu",
+    threads: int = 1,
+) -> dict[str, np.ndarray]:
+    """Train some runs of the algorithm of that label to the experiment's end: arrays to store.
+
+    run (R,), iterations (T,) at which returns were recorded, learning and greedy returns (R, T),
+    fingerprints (R, 3, 4), and whatever the experiment's visits and probes add, over the runs.
+    weights and device are as for ``prepare``; progress is told the iteration at each record, and
+    stops the training by returning False. Another engine can stand here, as the kernels do: they
+    advance as many runs at once as there are threads.
+    """
+    names = [f"run {run} of {experiment.name}, {label}" for run in runs]
+    how = experiment.iterations, experiment.every, names, progress
+    more: dict[str, np.ndarray] = {}
+    known = device == "cpu" and by_kernels(experiment, label)
+    alone = prepare_natively(experiment, label, runs, weights) if known else None
+    if alone is not None:
+        curves = train_natively(alone, _evaluation(experiment, runs), *how, threads)
+    else:
+        batch, probe = prepare(experiment, label, runs, weights, device), None
+        if experiment.probe is not None:
+            probe = experiment.probe(experiment, label, runs, targets(experiment, runs))
+
+        def evaluate(mu: Tensor) -> Tensor:
+            if probe is not None:
+                probe.look(batch.agent)
+            return batch.evaluate(mu)
+
+        curves = train(batch.agent, batch.episodes, evaluate, *how)
+        if experiment.visits:
+            more["visited"] = batch.episodes.visited.numpy()
+        if probe is not None:
+            more |= probe.arrays
+    return {
+        "run": np.array(runs),
+        "iterations": curves.iterations,
+        "learning": curves.learning.astype(np.float32),
+        "greedy": curves.greedy.astype(np.float32),
+        "fingerprints": curves.fingerprints,
+        **more,
+    }
+
+
+def prepare_natively(
+    experiment: Experiment, label: str, runs: Sequence[int], weights: np.ndarray
+) -> list[NativeRun] | None:
+    """Some runs of an algorithm in C++; None where the kernels cannot run it."""
+    family, algorithm, stream = experiment.family, experiment.algorithms[label], experiment.stream
+    if not supports(family, algorithm, experiment.sources_of(label)):
+        return None
+    tasks, given = targets(experiment, runs), _given(experiment, label, runs, weights)
+    return [
+        NativeRun(family, tasks, row, algorithm, given[row], stream, run)
+        for row, run in enumerate(runs)
+    ]
+
+
+def by_kernels(experiment: Experiment, label: str) -> bool:
+    """Whether the stored result of a label is the kernels', which compute each run alone."""
+    if label not in experiment.algorithms or experiment.visits or experiment.probe:
+        return False  # what is more than returns only the engine tells
+    known = experiment.family, experiment.algorithms[label], experiment.sources_of(label)
+    return supports(*known)
+
+
+def head(
+    experiment: Experiment, label: str, runs: Sequence[int], weights: np.ndarray
+) -> np.ndarray:
+    """Fingerprints (R, 3, 4) of the first iterations of some runs, computed anew."""
+    last = min(FINGERPRINTS[-1], experiment.iterations)
+    short = evolve(experiment, iterations=last, every=last, visits=False, probes=0, probe=None)
+    return run_batch(short, label, runs, weights)["fingerprints"]
+
+
+def task_table(experiment: Experiment) -> dict[str, np.ndarray]:
+    """Targets, chosen sources and planned optimum of all runs."""
+    runs = range(experiment.runs)
+    firsts = targets(experiment, runs[:: experiment.runs_per_task])
+    return {
+        **experiment.family.values(targets(experiment, runs)),
+        "sources": chosen_sources(experiment, runs),
+        "optimum": experiment.family.optimum(firsts).numpy().repeat(experiment.runs_per_task),
+    }

@@ -1,0 +1,173 @@
+"""Source tasks: solved without transfer, checked against the optimum, trained on if short."""
+
+from collections.abc import Callable, Sequence
+from itertools import islice
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+import torch
+
+from vtlab.evaluation import Evaluation
+from vtlab.experiment import Pool
+from vtlib.checks import check_kind, check_weights
+from vtlib.episodes import Episodes, Tasks
+from vtlib.rng import Rng, Stream
+from vtlib.training import FINGERPRINTS, Agent, check_finite, fingerprint, iterate, one_thread
+
+FRESH = 400  # episodes by which solved sources are judged in the end
+
+
+@runtime_checkable
+class Learner(Agent, Protocol):
+    """An agent that can go on with some of its runs."""
+
+    def keep(self, rows: Sequence[int]) -> None:
+        """Go on with some of the runs, by their places in the batch, in that order."""
+
+
+class AttemptRng(Rng):
+    """Random numbers of an attempt to solve sources; those of the first, 0, bear no number."""
+
+    def __init__(self, experiment: str, runs: Sequence[int], attempt: int) -> None:
+        super().__init__(experiment, runs)
+        self._attempt = attempt
+
+    def stream(self, role: str) -> Stream:
+        """The stream of a role in this attempt, from its beginning."""
+        return super().stream(f"{role} {self._attempt}" if self._attempt else role)
+
+
+def check_pool_weights(pool: Pool, weights: object) -> None:
+    """Raise ValueError unless weights are an array (count, d) of one finite vector per source."""
+    check_kind(f"weights of {pool.name}", weights, np.ndarray)
+    check_weights(f"weights of {pool.name}", weights, pool.count, pool.family.q().d)
+
+
+def pool_tasks(pool: Pool, sources: Sequence[int]) -> Tasks:
+    """The tasks of some sources of a pool, whatever the others are."""
+    return pool.family.source_tasks(pool.stream, sources)
+
+
+class SourceTraining:
+    """Learning of some sources of a pool, in lock-step; their first attempt is number 0."""
+
+    def __init__(self, pool: Pool, sources: Sequence[int], attempt: int = 0) -> None:
+        family, rng = pool.family, AttemptRng(pool.stream, sources, attempt)
+        self.names = [f"source {i} of {pool.name}" for i in sources]
+        self.tasks, q = pool_tasks(pool, sources), family.q()
+        start = family.first_weights(pool.stream, [0] * len(sources) if pool.common else sources)
+        agent = pool.settings.agent(q, start, self.tasks.obs_dim, rng)
+        if not isinstance(agent, Learner):
+            raise ValueError(f"settings of {pool.name} must make agents that can keep some runs")
+        self.agent: Learner = agent
+        learned = self.tasks if pool.as_targets else family.for_sources(self.tasks)
+        noise, starts = rng.stream("noise"), rng.stream("start")
+        self.episodes = Episodes(learned, noise, starts, family.window)
+        self.evaluate = Evaluation(q, self.tasks, rng, pool.episodes)
+        self.steps = 0
+        self.fingerprints: list[np.ndarray] = []
+        self._loop = iterate(self.agent, self.episodes)
+
+    def advance(self, iterations: int) -> None:
+        """Train for some iterations; raises Diverged when weights are not finite."""
+        for t in islice(self._loop, iterations):
+            if t in FINGERPRINTS:
+                self.fingerprints.append(fingerprint(self.agent, self.episodes))
+        self.steps += iterations
+        check_finite(self.agent.mu, self.names, self.steps)
+
+    def keep(self, rows: Sequence[int]) -> None:
+        """Go on with some of the sources, by their places in the batch, in that order."""
+        for part in (self.agent, self.episodes, self.evaluate):
+            part.keep(rows)
+        self.names = [self.names[row] for row in rows]
+
+
+def solve(
+    pool: Pool, sources: Sequence[int], progress: Callable[[int], object] = lambda done: None
+) -> dict[str, np.ndarray]:
+    """Train and check some sources of a pool until each is solved or has had its attempts.
+
+    Returns arrays over the sources: index, the tasks' parameters, weights (S, d), iterations
+    trained in all, greedy (return of the kept weights), optimum, solved, fingerprints, and what
+    the kept weights earn on episodes that decided nothing: fresh, and whether that passes, passes.
+    """
+    found = _attempt(pool, sources, 0, progress)
+    for attempt in range(1, pool.attempts):
+        left = np.flatnonzero(~found["solved"]).tolist()
+        if not left:
+            break
+        again = _attempt(pool, [sources[i] for i in left], attempt, progress)
+        better = again["solved"] | (again["greedy"] > found["greedy"][left])
+        for key in ("weights", "iterations", "greedy", "solved"):
+            found[key][np.array(left)[better]] = again[key][better]
+    return {
+        "index": np.array(sources),
+        **pool.family.values(pool_tasks(pool, sources)),
+        **found,
+        **judge(pool, sources, found["weights"], found["optimum"]),
+    }
+
+
+def judge(
+    pool: Pool, sources: Sequence[int], weights: np.ndarray, optimum: np.ndarray
+) -> dict[str, np.ndarray]:
+    """What weights (S, d) of some sources earn on fresh episodes (S,), and which pass (S,)."""
+    tasks, rng = pool_tasks(pool, sources), Rng(f"{pool.stream} fresh", sources)
+    evaluate = Evaluation(pool.family.q(), tasks, rng, FRESH)
+    returns = evaluate.episodes(torch.from_numpy(weights).unsqueeze(1))
+    passes = pool.family.solved(returns, torch.from_numpy(optimum), pool.required)
+    return {"fresh": returns.mean(1).numpy(), "passes": passes.numpy()}
+
+
+def _attempt(
+    pool: Pool, sources: Sequence[int], attempt: int, progress: Callable[[int], object]
+) -> dict[str, np.ndarray]:
+    """One attempt to solve some sources: what each keeps, and its fingerprints."""
+    training, before = SourceTraining(pool, sources, attempt), attempt * pool.limit
+    left = torch.arange(len(sources))  # those still trained, by their places among the sources
+    optimum = pool.family.optimum(training.tasks)
+    weights = torch.zeros_like(training.agent.mu[:, 0])
+    greedy = torch.full_like(optimum, -torch.inf)
+    trained = torch.zeros(len(sources), dtype=torch.int64)
+    solved = torch.zeros(len(sources), dtype=torch.bool)
+    while training.steps < pool.iterations:
+        training.advance(min(pool.check_every, pool.iterations - training.steps))
+        progress(before + training.steps)
+    while True:
+        returns = training.evaluate.episodes(training.agent.mu)
+        earned = returns.mean(1)
+        passed = pool.family.solved(returns, optimum[left], pool.required)
+        if passed.any():  # the check that ends the training is partly luck: fresh episodes decide
+            again = training.evaluate.episodes(training.agent.mu)
+            passed &= pool.family.solved(again, optimum[left], pool.required)
+            earned = torch.where(passed, again.mean(1), earned)
+        # an unsolved source keeps the best weights that any check has seen
+        better = passed | (earned > greedy[left])
+        weights[left[better]] = training.agent.mu.detach()[better, 0]
+        greedy[left[better]] = earned[better]
+        trained[left[better]] = before + training.steps
+        solved[left[passed]] = True
+        if solved.all() or training.steps >= pool.limit:
+            break
+        if passed.any():
+            training.keep((~passed).nonzero().flatten().tolist())
+            left = left[~passed]
+        training.advance(pool.check_every)
+        progress(before + training.steps)
+    return {
+        "weights": weights.numpy(),
+        "iterations": trained.numpy(),
+        "greedy": greedy.numpy(),
+        "optimum": optimum.numpy(),
+        "solved": solved.numpy(),
+        "fingerprints": np.stack(training.fingerprints, 1),
+    }
+
+
+@one_thread()
+def head(pool: Pool, sources: Sequence[int]) -> np.ndarray:
+    """Fingerprints (S, 3, 4) of the first iterations of some sources, computed anew."""
+    training = SourceTraining(pool, sources)
+    training.advance(FINGERPRINTS[-1])
+    return np.stack(training.fingerprints, 1)

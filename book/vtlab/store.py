@@ -1,0 +1,313 @@
+"""Stored runs: one .npz of plain arrays and one .json of provenance, written once and verified.
+
+The .json is written last and holds the digest of the .npz, so a file cut short or altered is
+noticed when it is read, and a pair is either complete or absent. What belongs to a pool or an
+experiment also holds the configuration that it was computed under, and is refused under another.
+"""
+
+import hashlib
+import io
+import json
+import math
+import os
+import platform
+import shutil
+import tempfile
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import attrs
+import numpy as np
+import torch
+import xarray as xr
+from attrs import NOTHING, Factory
+
+from vtlab.experiment import SOURCES, TASKS, Experiment, Pool
+from vtlab.sources import check_pool_weights
+from vtlib.checks import one_line, shown
+from vtlib.files import TornResult, write_bytes
+
+Arrays = dict[str, np.ndarray]
+Note = dict[str, Any]  # plain JSON values
+# What an experiment's targets depend on, and what its runs depend on beside that and the algorithm.
+OF_TASKS = ("family", "runs", "sources", "stream", "runs_per_task", "excluded")
+ROOM = 64 << 20  # bytes; a result has a hundredth of it
+OF_RUNS = ("iterations", "every", "visits", "probes", "each")
+
+
+def results_folder() -> Path:
+    """Where the book's stored runs lie: book/results beside the package of a checkout.
+
+    Without a checkout it is the folder results where the command is given. The environment's
+    VTLIB_RESULTS names another one, for a book of runs computed anew.
+    """
+    book = Path(__file__).resolve().parents[1] / "results"
+    return Path(os.environ.get("VTLIB_RESULTS", book if book.is_dir() else "results"))
+
+
+def check_writable(root: Path) -> None:
+    """Make a folder for results unless it is there; OSError names it if it cannot take any."""
+    try:
+        root.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=root):
+            free = shutil.disk_usage(root).free
+    except OSError as error:
+        raise OSError(f"results cannot be written to {root}: {error.strerror}") from error
+    if free < ROOM:
+        raise OSError(f"results need {ROOM >> 20} MB, {root} has {free >> 20} MB left")
+
+
+def check_readable(root: Path) -> None:
+    """Raise FileNotFoundError unless there is a folder of results to compare with."""
+    if not root.is_dir():
+        raise FileNotFoundError(
+            f"there is no folder {root}: the book's results are book/results of its repository"
+        )
+
+
+def save(path: Path, arrays: Arrays, provenance: Note) -> None:
+    """Write arrays to path.npz and provenance to path.json, atomically and only once.
+
+    Writing equal arrays again does nothing. Raises FileExistsError when another result is there.
+    """
+    if objects := [name for name, array in arrays.items() if np.asarray(array).dtype.hasobject]:
+        raise ValueError(f"{path} cannot hold objects, only plain arrays: {', '.join(objects)}")
+    if exists(path):
+        if same_arrays(read(path)[0], arrays):
+            return
+        raise FileExistsError(f"{path} holds another result: move it away before computing anew")
+    json.dumps(provenance)
+    buffer = io.BytesIO()
+    # NumPy's types know only the options among the names
+    np.savez_compressed(buffer, **arrays)  # type: ignore[arg-type]
+    data = buffer.getvalue()
+    note = {**provenance, "sha256": hashlib.sha256(data).hexdigest()}
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_bytes(path.with_name(path.name + ".npz"), data)
+    text = json.dumps(note, indent=1, sort_keys=True) + "\n"
+    write_bytes(path.with_name(path.name + ".json"), text.encode())
+
+
+def _elsewhere() -> str:
+    """What to do where no results are stored at all, as after an installation without them."""
+    if (folder := results_folder()).is_dir():
+        return ""
+    return (
+        f", for there is no folder {folder}: the book's results are book/results of its "
+        "repository; run in a checkout, or set VTLIB_RESULTS to that folder"
+    )
+
+
+def read(path: Path) -> tuple[Arrays, Note]:
+    """Arrays and provenance of a stored result.
+
+    Raises FileNotFoundError when there is none, TornResult when it is not what was written.
+    """
+    npz, note = path.with_name(path.name + ".npz"), path.with_name(path.name + ".json")
+    if not note.exists():
+        raise FileNotFoundError(f"no stored result at {path}{_elsewhere()}")
+    try:
+        provenance = json.loads(note.read_text())
+        if not (isinstance(provenance, dict) and isinstance(provenance.get("sha256"), str)):
+            raise TornResult(f"{note} is no provenance: it must be an object with a text sha256")
+        data = npz.read_bytes()
+        if hashlib.sha256(data).hexdigest() != provenance["sha256"]:
+            raise TornResult(f"{npz} is not the file that was stored: its digest differs")
+        with np.load(io.BytesIO(data), allow_pickle=False) as stored:
+            return dict(stored), provenance
+    except TornResult:
+        raise
+    except Exception as error:  # a damaged file fails in as many ways as its readers have
+        raise TornResult(f"{path} cannot be read: {one_line(error)}") from error
+
+
+def provenance(path: Path) -> Note:
+    """The provenance of a stored result, whose arrays are not read."""
+    note: Note = json.loads(path.with_name(path.name + ".json").read_text())
+    return note
+
+
+def exists(path: Path) -> bool:
+    """Whether a complete result is stored at path."""
+    return path.with_name(path.name + ".json").exists()
+
+
+def remove(path: Path) -> None:
+    """Delete a stored result, provenance first, so that no half of it is ever taken for whole."""
+    for ending in (".json", ".npz"):
+        path.with_name(path.name + ending).unlink(missing_ok=True)
+
+
+def same_arrays(a: Arrays, b: Arrays) -> bool:
+    """Whether two results hold the same arrays, bit for bit."""
+
+    def bits(array: np.ndarray) -> tuple[str, tuple[int, ...], bytes]:
+        array = np.asarray(array)
+        return array.dtype.str, array.shape, array.tobytes()
+
+    return a.keys() == b.keys() and all(bits(a[k]) == bits(b[k]) for k in a)
+
+
+def machine(device: str = "cpu") -> dict[str, str]:
+    """Versions and processor, and the device unless it is that, for the provenance of a result."""
+    beside = {} if device == "cpu" else {"device": torch.cuda.get_device_name(device)}
+    return {
+        **beside,
+        "python": platform.python_version(),
+        "torch": torch.__version__,
+        "numpy": np.__version__,
+        "system": f"{platform.system()} {platform.machine()}",
+        "processor": _processor(),
+    }
+
+
+def _processor() -> str:
+    """The processor's name; with its numbers, for machines to rent call several kinds alike."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text().split("\n\n", 1)[0].splitlines()
+    except OSError:
+        lines = []
+    told = {name.strip(): value.strip() for name, _, value in (x.partition(":") for x in lines)}
+    name = told.get("model name", platform.processor() or "unknown")
+    numbers = [told[x] for x in ("cpu family", "model", "stepping") if x in told]
+    return f"{name} ({'/'.join(numbers)})" if numbers else name
+
+
+def results_of(experiment: Experiment) -> list[tuple[Pool | Experiment, str]]:
+    """The stored results behind an experiment, as owner and label: its pool's come first."""
+    own = [TASKS, *experiment.algorithms]
+    return [(experiment.pool, SOURCES), *((experiment, label) for label in own)]
+
+
+def results_behind(experiments: Iterable[Experiment]) -> list[tuple[Pool | Experiment, str]]:
+    """The stored results behind experiments, each once."""
+    found = {(o.name, label): (o, label) for e in experiments for o, label in results_of(e)}
+    return list(found.values())
+
+
+def path_of(owner: Pool | Experiment, label: str, root: Path | None = None) -> Path:
+    """Where a result of a pool or experiment is stored, without the endings of its two files."""
+    return (root or results_folder()) / owner.name / label
+
+
+def config_of(owner: Pool | Experiment, label: str) -> Note:
+    """The configuration behind a stored result, as plain JSON values."""
+    config: Note = _plain({key: value for key, (value, _) in _entries(owner, label).items()})
+    return config
+
+
+def origin(owner: Pool | Experiment, label: str) -> Note:
+    """What the provenance of a result says of where it comes from."""
+    seeds, config = f"SHA-256 of {owner.stream}/<run>/<role>", config_of(owner, label)
+    return {"owner": owner.name, "label": label, "seeds": seeds, "config": config}
+
+
+def _entries(owner: Pool | Experiment, label: str) -> dict[str, tuple[Any, Any]]:
+    """What a result depends on, each value with its default or NOTHING."""
+    entries = _fields(owner)
+    if isinstance(owner, Pool):
+        return entries
+    runs = label in owner.algorithms
+    entries = {key: entries[key] for key in (*OF_TASKS, *(OF_RUNS if runs else ()))}
+    entries["pool"] = owner.pool.name, NOTHING
+    if runs:
+        entries["sources"] = owner.sources_of(label), NOTHING
+        entries["algorithm"] = owner.algorithms[label], NOTHING
+    return entries
+
+
+def _fields(thing: Any) -> dict[str, tuple[Any, Any]]:
+    """The fields of an object of an attrs class, each value with its default or NOTHING."""
+    found = {}
+    for one in attrs.fields(type(thing)):
+        default = one.default
+        if isinstance(default, Factory):  # type: ignore[arg-type]  # a class, to mypy a function
+            default = default.factory(*([thing] if default.takes_self else []))
+        known = NOTHING if default is NOTHING else _plain(default)
+        found[one.name] = getattr(thing, one.name), known
+    return found
+
+
+def _plain(value: Any) -> Any:
+    return json.loads(json.dumps(value, default=attrs.asdict))
+
+
+def _differing(stored: object, entries: dict[str, tuple[Any, Any]]) -> list[str]:
+    """The names of what is stored otherwise than it is now; what is not stored has its default."""
+    known = stored if isinstance(stored, dict) else {}
+    wrong = [shown(key) for key in known if key not in entries]
+    for key, (now, default) in entries.items():
+        found = known.get(key, default)
+        if attrs.has(type(now)) and isinstance(found, dict):
+            wrong += [f"{key}.{name}" for name in _differing(found, _fields(now))]
+        elif found is NOTHING or found != _plain(now):
+            wrong.append(key)
+    return wrong
+
+
+def check_note(path: Path, note: Note, owner: Pool | Experiment, label: str) -> None:
+    """Raise TornResult unless the provenance is of the owner's present configuration."""
+    now, wrong = origin(owner, label), _differing(note.get("config"), _entries(owner, label))
+    if wrong := wrong + [x for x in ("owner", "label", "seeds") if note.get(x) != now[x]]:
+        raise TornResult(
+            f"{path} was computed under another configuration, which differs in "
+            f"{', '.join(wrong)}: move it away and run `python -m vtlab run` again"
+        )
+    for name in ("seconds", "megabytes"):
+        if not (isinstance(told := note.get(name), int | float) and 0 <= told < math.inf):
+            raise TornResult(f"{path} has a provenance that does not tell its {name}")
+
+
+def stored(owner: Pool | Experiment, label: str, root: Path | None = None) -> tuple[Arrays, Note]:
+    """Arrays and provenance of a result of a pool or experiment, as they lie in their files.
+
+    Raises FileNotFoundError when it is missing, TornResult when it is damaged or was computed under
+    another configuration.
+    """
+    path = path_of(owner, label, root)
+    arrays, note = read(path)
+    check_note(path, note, owner, label)
+    if bad := [x for x, a in arrays.items() if a.dtype.kind == "f" and not np.isfinite(a).all()]:
+        raise TornResult(f"{path} has numbers that are not finite among its {', '.join(bad)}")
+    return arrays, note
+
+
+def load(owner: Pool | Experiment, label: str, root: Path | None = None) -> xr.Dataset:
+    """A stored result of a pool ("sources") or experiment ("tasks", or an algorithm's label).
+
+    Its first dimension is "source" or "run"; the second of what was recorded along the way is
+    "iteration". The provenance is among its attributes. Raises as ``stored`` does.
+    """
+    arrays, note = stored(owner, label, root)
+    if isinstance(owner, Pool):
+        first, count, recorded = "source", owner.count, None
+        coordinates = {first: arrays.pop("index", np.arange(count))}
+    else:
+        first, count, recorded = "run", owner.runs, arrays.pop("iterations", None)
+        coordinates = {first: arrays.pop("run", np.arange(count))}
+    if recorded is not None:
+        coordinates["iteration"] = recorded
+    variables = {}
+    for name, array in arrays.items():
+        if array.shape[:1] != (count,):
+            raise TornResult(f"{path_of(owner, label, root)} does not hold {count} {name}")
+        rest = [f"{name}_{axis}" for axis in range(1, array.ndim)]
+        along = recorded is not None and array.shape[1:2] == recorded.shape
+        if along and name != "fingerprints":
+            rest[0] = "iteration"
+        variables[name] = ([first, *rest], array)
+    return xr.Dataset(variables, coordinates, note)
+
+
+def returns(experiment: Experiment, label: str, root: Path | None = None) -> xr.Dataset:
+    """The stored runs of an algorithm as ``load`` gives them, and each run's planned optimum."""
+    best = load(experiment, TASKS, root).optimum
+    return load(experiment, label, root).assign(optimum=best)
+
+
+def weights(pool: Pool, root: Path | None = None) -> np.ndarray:
+    """The stored source weights (count, d) of a pool; ValueError when they are anything else."""
+    arrays, _ = stored(pool, SOURCES, root)
+    check_pool_weights(pool, arrays.get("weights", np.zeros(0)))
+    return arrays["weights"]

@@ -1,0 +1,64 @@
+"""What a small experiment comes to, which may be changed, and a cluster in this process."""
+
+import contextlib
+import shutil
+from functools import partial
+
+import pytest
+from distributed import LocalCluster
+
+from vtlab import schedule, store
+
+
+@pytest.fixture(scope="session")
+def cluster():
+    """A Dask cluster of this machine, such as somebody else has started."""
+    alone = {"dashboard_address": "127.0.0.1:0", "scheduler_kwargs": {"dashboard": False}}
+    return partial(LocalCluster, threads_per_worker=1, **alone)
+
+
+@pytest.fixture(scope="session")
+def here(cluster):
+    """The address of a cluster whose one worker is a thread of this process."""
+    with cluster(n_workers=1, processes=False) as local:
+        yield local.scheduler_address
+
+
+@contextlib.contextmanager
+def in_twos():
+    """Batches of two runs, so that three of them are cut. Elsewhere there are ten."""
+    with pytest.MonkeyPatch.context() as monkeypatch:
+        monkeypatch.setattr(schedule, "BATCH", 2)
+        yield
+
+
+@pytest.fixture(scope="module", autouse=True)
+def two_at_a_time():
+    with in_twos():
+        yield
+
+
+@pytest.fixture(scope="session")
+def computed(tiny, here, tmp_path_factory):
+    root = tmp_path_factory.mktemp("computed")
+    with in_twos():
+        schedule.complete([tiny], root, scheduler=here, quiet=True)
+    return root
+
+
+@pytest.fixture
+def stored(computed, tmp_path):
+    return shutil.copytree(computed, tmp_path / "stored")
+
+
+@pytest.fixture
+def rewrite(stored):
+    """Store a result with other arrays, or without one, as somebody who knows its digest would."""
+
+    def change(name, **changes):
+        arrays, note = store.read(stored / name)
+        store.remove(stored / name)
+        kept = {key: x for key, x in {**arrays, **changes}.items() if x is not None}
+        store.save(stored / name, kept, note)
+
+    return change

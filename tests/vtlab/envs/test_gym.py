@@ -1,0 +1,107 @@
+"""One contract for all Gymnasium environments, and Gymnasium's own where there is one."""
+
+import re
+import warnings
+from pathlib import Path
+
+import gymnasium
+import numpy as np
+import pytest
+import torch
+from gymnasium.error import ResetNeeded
+from gymnasium.utils.env_checker import check_env
+
+from vtlab.envs.cartpole.gym import CartpoleEnv
+from vtlab.envs.maze.gym import MazeEnv
+from vtlab.envs.maze.library import library
+from vtlab.envs.mountain_car.gym import MountainCarEnv
+from vtlab.envs.rooms.gym import RoomsEnv
+
+# An environment, its horizon, a picture's shape, and arguments of its own.
+CASES = {
+    "Rooms": (RoomsEnv, 50, (400, 400, 3), {"doors": (5.0,), "uniform_start": True}),
+    "Cartpole": (CartpoleEnv, 100, (300, 600, 3), {"cart_mass": 0.5, "half_length": 1.0}),
+    "MountainCar": (MountainCarEnv, 200, (400, 600, 3), {"speed": 0.0015}),
+    "Maze": (MazeEnv, 100, (400, 400, 3), {"maze": library()["south-west 12"]}),
+}
+every_env = pytest.mark.parametrize("name", CASES)
+
+
+@every_env
+def test_it_is_registered_and_passes_gymnasiums_check(name):
+    kind, horizon, *_ = CASES[name]
+    made = gymnasium.make(f"vtlab/{name}-v0", render_mode="rgb_array")
+    assert type(made.unwrapped) is kind
+    assert made.unwrapped.horizon == made.spec.max_episode_steps == horizon
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        check_env(made.unwrapped)
+    # Gymnasium's own CartPole-v1 has velocities without bounds too.
+    assert [w for w in caught if name != "Cartpole" or "infinity" not in str(w.message)] == []
+
+
+@every_env
+def test_a_rollout_is_the_dynamics_under_the_environments_own_noise(name):
+    env = CASES[name][0](**CASES[name][3])
+    seen = env.reset(seed=2)[0]
+    rng, tasks = np.random.default_rng(env.np_random.bit_generator.seed_seq), env.tasks
+    state = tasks.start(torch.from_numpy(rng.random((1, tasks.start_dim), np.float32)))
+    assert np.array_equal(seen, tasks.observe(state)[0])
+    for action in (0, 1, 0, 0, *[1] * 20):
+        seen[...] = 99.0  # what was returned is the caller's to change
+        noise = torch.from_numpy(rng.standard_normal((1, tasks.noise_dim), np.float32))
+        state, *outcome = tasks.step(state, torch.tensor([action]), noise)
+        seen, *ours, _, _ = env.step(action)
+        assert np.array_equal(seen, tasks.observe(state)[0])
+        assert ours == [x.item() for x in outcome]
+        if ours[1]:
+            with pytest.raises(ResetNeeded):
+                env.step(0)
+            break
+    assert ours[1] or name != "Cartpole"
+
+
+def test_the_defaults_are_gymnasiums_own():
+    pole, car = (gymnasium.make(x).unwrapped for x in ("CartPole-v1", "MountainCar-v0"))
+    own, ours = (pole.masscart, pole.masspole, pole.length), CartpoleEnv().tasks
+    assert [ours.cart_mass, ours.pole_mass, ours.half_length] == pytest.approx(own)
+    assert MountainCarEnv().tasks.speed == pytest.approx(car.force)
+
+
+@every_env
+def test_an_episode_is_truncated_drawn_and_then_needs_a_reset(name):
+    kind, _, shape, _ = CASES[name]
+    env, count = kind(horizon=4, render_mode="rgb_array"), int(kind().action_space.n)
+    assert kind().render() is None
+    for call in (env.render, lambda: env.step(0)):
+        with pytest.raises(ResetNeeded):
+            call()
+    env.reset(seed=0)
+    before = env.render()
+    for action in (count, -1, 0.5):
+        with pytest.raises(ValueError, match=f"action must be an integer in 0..{count - 1}"):
+            env.step(action)
+    assert [env.step(1)[2:4] for _ in range(4)] == [(False, False)] * 3 + [(False, True)]
+    assert (before.shape, before.dtype) == (shape, np.uint8)
+    assert not np.array_equal(before, env.render())
+    with pytest.raises(ResetNeeded):
+        env.step(0)
+    env.reset()
+    assert not env.step(1)[3]
+
+
+def test_environments_side_by_side_have_a_seed_each():
+    both = gymnasium.make_vec("vtlab/Rooms-v0", num_envs=2, vectorization_mode="sync")
+    alone = [gymnasium.make("vtlab/Rooms-v0").reset(seed=seed)[0] for seed in (3, 4)]
+    assert np.array_equal(both.reset(seed=[3, 4])[0], alone)
+
+
+def test_the_guides_lines_train_a_learner_of_stable_baselines3():
+    """Skipped but in an environment that tests/requirements-sb3.txt tells how to make."""
+    pytest.importorskip("stable_baselines3")
+    guide = Path(__file__).resolve().parents[2] / "book" / "guide.md"
+    (code,) = re.findall(r"```python\n(.*?)```", guide.read_text(), re.S)
+    assert len(code.splitlines()) == 5
+    names = {}
+    exec(compile(code, str(guide), "exec"), names)
+    assert names["model"].num_timesteps >= 5000

@@ -1,0 +1,234 @@
+"""The command line: what it prints, its exit codes, and one clear line for each bad input."""
+
+import re
+from types import SimpleNamespace
+from unittest.mock import Mock
+
+import numpy as np
+import pytest
+import torch
+from attrs import evolve
+from distributed import KilledWorker
+
+from vtbook.experiments import EXPERIMENTS, THESIS
+from vtlab import run, schedule, store
+from vtlab.registry import installed
+from vtlib import __version__, cli, experiments
+
+RESULTS = ("tiny-pool/sources", "tiny/tasks", "tiny/NT", "tiny/GVT")
+
+
+@pytest.fixture(scope="module", autouse=True)
+def small(tiny, here):
+    """Two of the tiny algorithms are all that is known, and a worker in this process computes."""
+    some = evolve(tiny, algorithms={label: tiny.algorithms[label] for label in ("NT", "GVT")})
+    cluster = schedule._cluster
+    with pytest.MonkeyPatch.context() as monkeypatch:
+        for user in (experiments, cli):
+            monkeypatch.setattr(user, "installed", lambda: {"mine": {"tiny": some}})
+        monkeypatch.setattr(schedule, "_cluster", lambda jobs, _, bar: cluster(jobs, here, bar))
+        yield some
+
+
+def main(*arguments) -> int:
+    return cli.main([str(x) for x in arguments])
+
+
+def refused(capsys, *arguments) -> str:
+    """The one line with which a command ends that was refused."""
+    assert main(*arguments) == 2
+    error = capsys.readouterr().err
+    *bar, line = error.splitlines()
+    assert all("left" in shown for shown in bar if shown), error
+    assert line.startswith("vtlab: ")
+    return line
+
+
+def test_verify_names_what_differs(stored, rewrite, capsys):
+    for asked, said in (
+        ("tiny mine --whole", "[0, 1, 2] verified whole"),
+        ("--heads", "heads verified"),
+    ):
+        assert main("verify", *asked.split(), "--results", stored) == 0
+        assert capsys.readouterr().out == "".join(f"{name}: {said}\n" for name in RESULTS)
+    prints = store.read(stored / "tiny/GVT")[0]["fingerprints"]
+    prints[1, 0, 2] += 0.1
+    rewrite("tiny/GVT", fingerprints=prints)
+    assert main("verify", "tiny", "--heads", "--results", stored) == 1
+    *others, last = capsys.readouterr().out.splitlines()
+    assert others == [f"{name}: heads verified" for name in RESULTS[:3]]
+    assert last == "tiny/GVT: differs in [1]"
+    assert main("verify", "tiny", "--whole", "--results", stored) == 1
+    assert re.fullmatch(
+        r"tiny/GVT: \[0, 2\] verified whole, "
+        r"1 DIFFERS: fingerprints at iteration 1 is [-.\d]+, anew [-.\d]+",
+        capsys.readouterr().out.splitlines()[-1],
+    )
+
+
+@pytest.mark.parametrize(("asked", "said"), [("--version", __version__), ("verify --help", "tiny")])
+def test_the_version_and_what_there_is_to_verify_are_told(capsys, asked, said):
+    with pytest.raises(SystemExit, match="0"):
+        main(*asked.split())
+    assert said in capsys.readouterr().out
+
+
+def test_verify_draws_a_run_of_each_result_and_can_draw_it_again(stored, capsys):
+    assert main("verify", "tiny", "--results", stored) == 0
+    first, *lines = capsys.readouterr().out.splitlines()
+    seed = re.fullmatch(r"one run of each result, drawn with --seed (\d+)", first)[1]
+    assert main("verify", "tiny", "--results", stored, "--seed", seed) == 0
+    assert capsys.readouterr().out.splitlines() == [first, *lines]
+    for name, line in zip(RESULTS, lines, strict=True):
+        assert re.fullmatch(rf"{name}: \[[012]\] verified whole", line)
+
+
+def test_reproduce_computes_anew_and_names_what_differs(
+    stored, rewrite, tmp_path, capsys, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)
+    arguments = ["reproduce", "--only", "mine", "--only", "tiny", "--results", stored]
+    assert main(*arguments, "--fresh", tmp_path / "fresh") == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert re.fullmatch(r"tiny: \d+ s of one core, \d+ MB at most in a process", lines[2])
+    assert lines.count("  sources: identical") == lines.count("  GVT: identical") == 1
+    assert lines[-1].startswith("4 results compared, none differs")
+    store.remove(stored / "tiny/NT")
+    rewrite("tiny/GVT", greedy=np.full((3, 11), 0.95, np.float32))
+    assert main(*arguments, "--runs", 1) == 1
+    *lines, last = capsys.readouterr().out.splitlines()
+    assert lines.count("  sources: identical") == lines.count("  tasks: identical") == 1
+    assert "  NT: nothing stored to compare with" in lines
+    forged = "  GVT: DIFFERENT: 1 of 1 differ, number 0 first: greedy at iteration 20 is 0.95, anew"
+    assert any(line.startswith(forged) for line in lines)
+    assert "1 DIFFER" in last
+    fresh = tmp_path / "_build" / "reproduced-1"
+    assert len(store.read(fresh / "tiny/GVT")[0]["run"]) == 1
+
+
+def test_the_book_offers_its_experiments_and_the_thesis_own_figures():
+    assert installed() == {"book": EXPERIMENTS, "thesis": THESIS}
+    assert {"rooms-evaluation", "maze-8"} <= set(THESIS)
+    assert "rooms-ingredients" not in THESIS
+
+
+@pytest.mark.parametrize("command", [["run"], ["verify"], ["reproduce", "--only"]])
+@pytest.mark.parametrize("name", ["", "Tiny", "a\nb", "\u2028", "tiny/GVT"])
+def test_an_unknown_experiment_is_refused_before_any_work(capsys, command, name):
+    line = refused(capsys, *command, name)
+    near = "mine" if "iny" not in name else "tiny"
+    assert line == f"vtlab: unknown experiment {name!r}, {near} perhaps; run --help lists all"
+
+
+COUNT, DEVICE = "must be a whole number of at least", "must be cpu, cuda or cuda:N"
+BAD = {
+    "": "required",
+    "run": "required",
+    "run tiny --jobs 2 --scheduler tcp://localhost:1": "not allowed with",
+    "reproduce --runs 0": f"{COUNT} 1, got '0'",
+    "verify --seed=-1": f"{COUNT} 0, got '-1'",
+    **{f"run tiny --jobs={x}": f"{COUNT} 1, got {x!r}" for x in ("-3", "0", "2.5", "", "²")},
+    "run tiny --scheduler banana": "must be an address such as tcp://host:8786, got 'banana'",
+    **{f"run tiny --device={x}": f"{DEVICE}, got {x!r}" for x in ("gpu", "cuda:", "cuda:²", "")},
+}
+
+
+@pytest.mark.parametrize(("arguments", "said"), BAD.items())
+def test_arguments_that_are_none_end_with_the_usage(capsys, arguments, said):
+    with pytest.raises(SystemExit, match=r"^2$"):
+        main(*arguments.split())
+    *usage, line = capsys.readouterr().err.strip().splitlines()
+    assert usage[0].startswith("usage: python -m vtlab")
+    assert said in line
+
+
+def test_verify_names_a_result_that_is_not_there(stored, capsys):
+    store.remove(stored / "tiny/tasks")
+    line = refused(capsys, "verify", "tiny", "--results", stored)
+    assert line == f"vtlab: no stored result at {stored / 'tiny/tasks'}"
+
+
+@pytest.mark.parametrize(
+    ("file", "was", "now"),
+    [("tiny-pool/sources.npz", b"PK", b"pk"), ("tiny/GVT.json", b'"runs": 3', b'"runs": 4')],
+)
+def test_a_torn_result_is_refused_and_left_as_it_is(stored, capsys, file, was, now):
+    path, fresh = stored / file, stored.parent / "fresh"
+    path.write_bytes(path.read_bytes().replace(was, now))
+    before = {p: p.read_bytes() for p in stored.rglob("*.*")}
+    for command in ("verify", "run tiny", f"reproduce --fresh {fresh}"):
+        assert str(path.with_suffix("")) in refused(capsys, *command.split(), "--results", stored)
+    assert not fresh.exists()  # nothing was computed in vain
+    assert {p: p.read_bytes() for p in stored.rglob("*.*")} == before
+
+
+def test_a_run_that_diverges_is_one_line_without_a_traceback(small, stored, capfd, monkeypatch):
+    wild = evolve(small, algorithms={"NT": evolve(small.algorithms["NT"], alpha=1e38)})
+    monkeypatch.setattr(experiments, "installed", lambda: {"mine": {"tiny": wild}})
+    store.remove(stored / "tiny/NT")
+    assert main("run", "tiny", "--results", stored) == 2
+    error = capfd.readouterr().err
+    assert re.search("vtlab: run [0-2] of tiny, NT diverged", error.splitlines()[-1])
+    assert "Traceback" not in error
+
+
+@pytest.mark.parametrize("command", [["verify"], ["reproduce"], ["verify", "tiny", "--heads"]])
+def test_results_to_compare_with_that_are_not_there_are_named_at_once(capsys, tmp_path, command):
+    line = refused(capsys, *command, "--results", tmp_path / "mistyped")
+    assert line.startswith(f"vtlab: there is no folder {tmp_path / 'mistyped'}: ")
+    assert not list(tmp_path.iterdir())
+
+
+def test_heads_of_what_has_none_are_refused(capsys):
+    line = refused(capsys, "verify", "tiny", "guide", "--heads")
+    assert line == "vtlab: --heads must not be asked of guide, which has none"
+
+
+def test_a_folder_that_cannot_take_results_is_named_at_once(capsys, tmp_path, monkeypatch):
+    monkeypatch.setattr(schedule, "compute", None)
+    command = "run", "tiny", "--results"
+    (tmp_path / "file").write_text("mine")
+    refused(capsys, *command, tmp_path / "file")
+    assert (tmp_path / "file").read_text() == "mine"
+    read_only = PermissionError(13, "Permission denied")
+    with monkeypatch.context() as patch:
+        patch.setattr(store.tempfile, "TemporaryFile", Mock(side_effect=read_only))
+        line = refused(capsys, *command, tmp_path / "new")
+    assert line == f"vtlab: results cannot be written to {tmp_path / 'new'}: Permission denied"
+    monkeypatch.setattr(store.shutil, "disk_usage", lambda _: SimpleNamespace(free=3 << 20))
+    line = refused(capsys, *command, tmp_path / "new")
+    assert line == f"vtlab: results need 64 MB, {tmp_path / 'new'} has 3 MB left"
+
+
+def test_killed_workers_end_a_command_in_one_line(capsys, monkeypatch):
+    monkeypatch.setattr(cli, "complete", Mock(side_effect=KilledWorker("unit", None, 3)))
+    line = refused(capsys, "run", "tiny")
+    assert line == "vtlab: workers were killed; the same command goes on from here"
+
+
+@pytest.mark.parametrize("command", [["run", "tiny"], ["reproduce"]])
+def test_a_device_that_is_not_there_is_refused_before_any_work(capsys, monkeypatch, command):
+    monkeypatch.setattr(torch.cuda, "device_count", lambda: 2)
+    for function in ("complete", "reproduce"):
+        monkeypatch.setattr(cli, function, None)
+    line = refused(capsys, *command, "--device", "cuda:2")
+    assert line == "vtlab: --device: torch finds 2 CUDA cards here, got cuda:2"
+
+
+def test_only_runs_that_transfer_are_computed_on_the_device(stored, monkeypatch):
+    monkeypatch.setattr(torch.cuda, "device_count", lambda: 2)
+    monkeypatch.setattr(torch.cuda, "get_device_name", lambda device: f"a card called {device}")
+    given, real = {}, run.run_batch
+
+    def spy(experiment, label, runs, weights, progress, device):
+        given[label] = device
+        return real(experiment, label, runs, weights, progress)
+
+    monkeypatch.setattr(run, "run_batch", spy)
+    for name in RESULTS[1:]:
+        store.remove(stored / name)
+    assert main("run", "tiny", "--results", stored, "--device", "cuda:1") == 0
+    assert given == {"NT": "cpu", "GVT": "cuda:1"}
+    for name in RESULTS:
+        device = store.provenance(stored / name)["machine"].get("device")
+        assert device == ("a card called cuda:1" if name == "tiny/GVT" else None)

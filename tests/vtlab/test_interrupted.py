@@ -1,0 +1,200 @@
+"""Commands that are killed or interrupted at any moment, and what the same command then leaves."""
+
+import contextlib
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from itertools import cycle
+from pathlib import Path
+
+import numpy as np
+import psutil
+import pytest
+
+from vtlab import schedule
+from vtlab.interrupts import LINE
+
+# A command of its own, which can be killed: one that computes with two processes of its own, for
+# whom nothing here is meant.
+SCRIPT = """
+if __name__ == "__main__":
+    from vtlab.interrupts import end_at_once
+
+    end_at_once()
+    import os
+    import signal
+    import sys
+    from attrs import evolve
+    from vtlab.cli import main
+    from vtbook.experiments import EXPERIMENTS
+    from vtlab import schedule
+    from vtbook.experiments.cartpole import CARTPOLE
+
+    CARTS = CARTPOLE.published
+    few = evolve(CARTS.pool, name="few", count=10, iterations=200, limit=200)
+    some = {label: CARTS.algorithms[label] for label in ("GVT", "DDQN")}
+    size = {"pool": few, "runs": 3, "iterations": 300}
+    EXPERIMENTS.clear()
+    EXPERIMENTS["tiny"] = evolve(CARTS, name="tiny", algorithms=some, **size)
+    schedule.BATCH = 1
+    replace = os.replace
+
+    def put_in_place(half, place):
+        "The command is killed before a file whose path has that part is put in its place."
+        if os.environ.get("KILL_AT", "nothing") in str(place):
+            os.kill(os.getpid(), signal.SIGKILL)
+        replace(half, place)
+
+    os.replace = put_in_place
+    sys.exit(main([*sys.argv[1:], "--results", "results"]))
+"""
+COMMANDS = {
+    "run": ("run", "tiny", "--jobs", "2"),
+    "reproduce": ("reproduce", "--only", "tiny", "--jobs", "2", "--fresh", "fresh"),
+    "verify": ("verify", "tiny", "--whole"),
+}
+DONE = {"run": "is complete", "reproduce": "none differs", "verify": "verified whole"}
+MOMENTS = int(os.environ.get("VTLIB_MOMENTS", "3"))  # more on demand
+LIMIT = 10  # seconds from a signal to the end of the last process
+
+
+class Command:
+    """The script, started in a session of its own, as a terminal does."""
+
+    def __init__(self, folder: Path, command: str, *options: str, **more: str) -> None:
+        (folder / "script.py").write_text(SCRIPT)
+        path = {"PYTHONPATH": str(Path(schedule.__file__).parents[2])}
+        self.said = DONE[command]
+        self.process = subprocess.Popen(
+            [sys.executable, "script.py", *COMMANDS[command], *options],
+            cwd=folder,
+            env={**os.environ, **path, **more},
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            start_new_session=True,
+        )
+
+    def ends_well(self) -> None:
+        out, err = self.process.communicate()
+        assert self.process.returncode == 0, err
+        assert self.said in out.splitlines()[-1]
+        assert "Traceback" not in err
+
+    def group(self) -> list[int]:
+        """Every process of the session that is running."""
+        found = []
+        for one in psutil.process_iter():
+            with contextlib.suppress(psutil.NoSuchProcess, ProcessLookupError, PermissionError):
+                if os.getsid(one.pid) == self.process.pid and one.status() != psutil.STATUS_ZOMBIE:
+                    found.append(one.pid)
+        return found
+
+    def assert_gone(self, since: float) -> None:
+        while self.group() and time.monotonic() < since + LIMIT:
+            time.sleep(0.05)
+        assert not self.group()
+
+
+@pytest.fixture(scope="module")
+def complete(tmp_path_factory) -> Path:
+    folder = tmp_path_factory.mktemp("complete")
+    Command(folder, "run", "--jobs=1").ends_well()
+    return folder / "results"
+
+
+def arrays(root: Path) -> dict[str, bytes]:
+    """The files of arrays; those beside them tell the time that it took."""
+    return {str(p.relative_to(root)): p.read_bytes() for p in root.rglob("*.npz")}
+
+
+def test_killed_while_a_file_is_put_in_place_the_same_command_goes_on(tmp_path, complete):
+    root = tmp_path / "results"
+    # each waits for the one before, so that none is in its place when its turn comes
+    for part in ["parts/few", "few/sources.json", "parts/tiny/GVT", "tiny/GVT.json"]:
+        killed = Command(tmp_path, "run", "--jobs=1", KILL_AT=part)
+        killed.process.communicate()
+        assert killed.process.returncode == -signal.SIGKILL
+        killed.assert_gone(time.monotonic())
+        assert list(root.rglob("*.half"))
+    Command(tmp_path, "run").ends_well()
+    assert arrays(root) == arrays(complete)
+    assert {p.name for p in root.iterdir()} == {"few", "tiny"}
+    assert not list(root.rglob("*.half"))
+    left = {p.name for p in tmp_path.iterdir()} - {"__pycache__"}
+    assert left == {"script.py", "results"}
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_an_interrupt_at_any_moment_ends_in_one_line_and_with_all_processes(
+    tmp_path, complete, command
+):
+    # once Python has started; and while it imports, starts workers, computes and stores, a second
+    # or two to each
+    rng = np.random.default_rng([*command.encode()])
+    moments = [rng.uniform(0.15, 0.4), *rng.uniform(0.6, 8, MOMENTS)]
+    if command != "run":  # something has to be stored
+        shutil.copytree(complete, tmp_path / "results")
+    for wait, number in zip(moments, cycle([signal.SIGINT, signal.SIGTERM, signal.SIGKILL])):
+        it = Command(tmp_path, command)
+        time.sleep(wait)
+        if it.process.poll() is not None:
+            it.ends_well()
+            continue
+        since = time.monotonic()
+        os.killpg(it.process.pid, number)
+        out, err = it.process.communicate(timeout=LIMIT)
+        it.assert_gone(since)
+        if number == signal.SIGKILL:  # what it was about to say is lost, nothing that it stored
+            assert it.process.returncode == -number
+            continue
+        if not it.process.returncode:  # it was about to leave
+            assert it.said in out.splitlines()[-1]
+            continue
+        assert it.process.returncode == 128 + number, err
+        *bar, line = err.strip().splitlines()
+        assert line == "vtlab: interrupted; run and reproduce go on from here"
+        assert all("left" in shown for shown in bar if shown), err
+        assert not list(Path(tempfile.gettempdir()).glob(f"vtlab-{it.process.pid}-*"))
+    Command(tmp_path, command).ends_well()
+    # what is checked is never touched
+    assert arrays(tmp_path / "results") == arrays(complete)
+    if command == "reproduce":
+        assert arrays(tmp_path / "fresh") == arrays(complete)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_during_the_first_import_of_anything_slow_ends_in_one_line(number):
+    program = f"""
+import os, runpy, sys
+
+class Signalling:
+    def find_spec(self, name, *_):
+        if name in {{"attrs", "multiprocessing", "numpy", "shutil", "tempfile", "torch"}}:
+            os.kill(os.getpid(), {number:d})
+
+sys.meta_path.insert(0, Signalling())
+runpy.run_module("vtlib", run_name="__main__")
+"""
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, check=False)
+    assert (done.returncode, done.stderr) == (128 + number, LINE)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_once_its_work_is_done_an_interrupt_changes_nothing(number):
+    program = f"""
+import os
+from vtlab.interrupts import end_at_once
+
+class Last:
+    def __del__(self, kill=os.kill, pid=os.getpid()):
+        kill(pid, {number:d})  # while Python tidies up
+
+end_at_once()
+last = Last()
+"""
+    assert subprocess.run([sys.executable, "-c", program], check=False).returncode == 0

@@ -1,0 +1,268 @@
+"""Stored results: written once and whole; read as what they were written as, or not at all."""
+
+import hashlib
+import io
+import json
+import math
+import os
+import tempfile
+from pathlib import Path
+from unittest.mock import Mock
+
+import numpy as np
+import pytest
+from attrs import evolve
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from vtlab import store
+from vtlib.files import TornResult
+from vtlib.transfer import Settings
+
+PROPERTY = settings(deadline=None, derandomize=True, max_examples=60)
+ARRAYS = {
+    "run": np.arange(3),
+    "learning": np.linspace(0, 1, 12, dtype=np.float32).reshape(3, 4),
+    "solved": np.array([True, False, True]),
+    "gaps": np.array([np.nan, np.inf, -0.0]),
+    "none": np.zeros((3, 0, 4)),
+    "names": np.array(["GVT", "NT", "λ"]),
+}
+NOTE = {"seconds": 1.5, "config": {"algorithm": {"lambda_": 1e-6}}, "label": "λ"}
+
+
+with tempfile.TemporaryDirectory() as made:
+    store.save(Path(made, "x"), ARRAYS, NOTE)
+    store.save(Path(made, "y"), {**ARRAYS, "run": np.arange(1, 4)}, NOTE)
+    NPZ, JSON, OTHER = (Path(made, name).read_bytes() for name in ("x.npz", "x.json", "y.npz"))
+
+
+def read_pair(npz, note):
+    """What is read where these two files lie; None for a file that is missing."""
+    with tempfile.TemporaryDirectory() as folder:
+        if npz is not None:
+            Path(folder, "x.npz").write_bytes(npz)
+        Path(folder, "x.json").write_bytes(note)
+        return store.read(Path(folder, "x"))[0]
+
+
+def assert_torn(npz, note):
+    with pytest.raises(TornResult) as caught:
+        read_pair(npz, note)
+    assert len(str(caught.value).splitlines()) == 1
+
+
+def files(folder):
+    return {p.name: (p.read_bytes(), p.stat().st_mtime_ns) for p in folder.iterdir()}
+
+
+def test_what_is_saved_is_read(tmp_path):
+    path = tmp_path / "deep" / "down" / "1-MGVT-lambda-1e-06-psi-0.5"
+    assert not store.exists(path)
+    store.save(path, ARRAYS, NOTE)
+    assert store.exists(path)
+    arrays, note = store.read(path)
+    assert store.same_arrays(arrays, ARRAYS)
+    assert {key: note[key] for key in NOTE} == NOTE == {k: store.provenance(path)[k] for k in NOTE}
+    assert {p.name for p in path.parent.iterdir()} == {f"{path.name}.npz", f"{path.name}.json"}
+    assert all(p.stat().st_mode & 0o777 == 0o644 for p in path.parent.iterdir())
+    assert not store.exists(path.with_name("1-MGVT-lambda-1e-06-psi-0"))
+    with np.load(f"{path}.npz", allow_pickle=False) as plain:  # readable without vtlib
+        assert set(plain) == set(ARRAYS)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"run": np.arange(1, 4)},
+        {"run": np.arange(4)},
+        {"run": np.arange(3, dtype=np.int32)},
+        {"gaps": np.array([np.nan, np.inf, 0.0])},
+        {"more": np.zeros(1)},
+    ],
+)
+def test_the_same_again_touches_nothing_and_another_result_is_refused(tmp_path, change):
+    store.save(tmp_path / "x", ARRAYS, NOTE)
+    before = files(tmp_path)
+    store.save(tmp_path / "x", {k: v.copy() for k, v in ARRAYS.items()}, {"seconds": 9.0})
+    with pytest.raises(FileExistsError, match="x holds another result: move it away"):
+        store.save(tmp_path / "x", {**ARRAYS, **change}, NOTE)
+    assert files(tmp_path) == before
+
+
+@PROPERTY
+@given(st.integers(0, len(NPZ) - 1), st.integers(1, 255), st.binary(max_size=40))
+def test_an_npz_that_was_altered_is_torn(at, mask, more):
+    flipped = bytearray(NPZ)
+    flipped[at] ^= mask
+    for npz in (None, OTHER, bytes(flipped), NPZ[:at], NPZ + b"x" + more):
+        assert_torn(npz, JSON)
+
+
+@PROPERTY
+@given(st.integers(0, len(JSON) - 2), st.integers(1, 255))  # nobody misses the last line end
+def test_a_json_that_was_altered_is_torn_or_the_arrays_are_right(at, mask):
+    assert_torn(NPZ, JSON[:at])
+    flipped = bytearray(JSON)
+    flipped[at] ^= mask
+    try:
+        arrays = read_pair(NPZ, bytes(flipped))
+    except TornResult:
+        return
+    assert store.same_arrays(arrays, ARRAYS)
+
+
+@pytest.mark.parametrize(
+    "note",
+    [b"{}", b"[]", b"null", b"1", b'"sha256"', b'{"sha256": 3}', b"\xff\xfe{", b"[" * 100_000, b""],
+)
+def test_a_json_that_is_no_provenance_is_torn(note):
+    assert_torn(NPZ, note)
+
+
+@pytest.mark.parametrize("write", [np.save, np.savez])
+def test_a_pickle_is_refused(write):
+    buffer = io.BytesIO()
+    write(buffer, np.array([{}], dtype=object))
+    digest = hashlib.sha256(buffer.getvalue()).hexdigest()
+    assert_torn(buffer.getvalue(), json.dumps({"sha256": digest}).encode())
+
+
+def test_what_the_files_cannot_hold_leaves_no_result(tmp_path):
+    with pytest.raises(ValueError, match="x cannot hold objects, only plain arrays: a"):
+        store.save(tmp_path / "x", {"a": np.array([{}], dtype=object)}, {})
+    with pytest.raises(TypeError):
+        store.save(tmp_path / "x", ARRAYS, {"seconds": np.float32(1)})
+    assert not any(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("written", [0, 1])  # files of two before the error
+def test_an_error_while_saving_leaves_no_result_and_no_litter(tmp_path, monkeypatch, written):
+    full = Mock(side_effect=OSError(28, "No space left on device"))
+    outcomes = [*[os.replace] * written, full]
+    with monkeypatch.context() as patched:
+        patched.setattr(os, "replace", lambda *given: outcomes.pop(0)(*given))
+        with pytest.raises(OSError, match="No space"):
+            store.save(tmp_path / "x", ARRAYS, NOTE)
+    assert not store.exists(tmp_path / "x")
+    assert not [name for name in files(tmp_path) if name.startswith(".")]
+    store.save(tmp_path / "x", ARRAYS, NOTE)
+    assert store.same_arrays(store.read(tmp_path / "x")[0], ARRAYS)
+
+
+def saved(owner, label, root, arrays):
+    note = {**store.origin(owner, label), "seconds": 1.0, "megabytes": 9}
+    store.save(store.path_of(owner, label, root), arrays, note)
+
+
+def check(owner, config, /, **changes):
+    note = {**store.origin(owner, "GVT"), "seconds": 1.0, "megabytes": 9, "config": config}
+    store.check_note(Path("x"), note | changes, owner, "GVT")
+
+
+@pytest.mark.parametrize(
+    ("changes", "named"),
+    [
+        ({"iterations": 240}, "iterations"),
+        ({"stream": "other"}, "stream, seeds"),
+        ({"sources": 1}, "sources"),
+        ({"counts": {"GVT": 1}}, "sources"),
+        ({"runs_per_task": 3}, "runs_per_task"),
+        ({"visits": True}, "visits"),
+        ({"each": True}, "each"),
+        ({"excluded": (2,)}, "excluded"),
+        ({"algorithms": {"GVT": Settings("gaussian", minibatch=5)}}, "algorithm.n_samples"),
+    ],
+)
+def test_a_result_of_another_configuration_is_refused(tiny, tmp_path, changes, named):
+    other = evolve(tiny, **changes)
+    saved(other, "GVT", tmp_path, {"run": np.arange(3)})
+    store.stored(other, "GVT", tmp_path)
+    with pytest.raises(TornResult, match=f"another configuration, which differs in {named}:"):
+        store.stored(tiny, "GVT", tmp_path)
+    # of the tasks only where they depend on it
+    same = store.config_of(other, "tasks") == store.config_of(tiny, "tasks")
+    assert same == changes.keys().isdisjoint(store.OF_TASKS)
+
+
+def test_a_key_that_is_missing_has_its_default_and_is_refused_where_that_is_not_the_value(tiny):
+    def without(key, at=None):
+        config = store.config_of(tiny, "GVT")
+        del (config[at] if at else config)[key]
+        return config
+
+    check(tiny, without("patience", "algorithm"))
+    for key in ("visits", "excluded", "stream"):
+        check(tiny, without(key))
+    with pytest.raises(TornResult, match=r"differs in algorithm\.minibatch:"):
+        check(tiny, without("minibatch", "algorithm"))
+    for key in ("every", "sources", "pool", "family", "algorithm"):
+        with pytest.raises(TornResult, match=f"differs in {key}:"):
+            check(tiny, without(key))
+
+
+@PROPERTY
+@given(
+    st.recursive(
+        st.none() | st.booleans() | st.integers() | st.text(max_size=5),
+        lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=5), inner),
+        max_leaves=5,
+    ).filter(lambda value: value != 3)
+)
+def test_whatever_stands_for_a_configuration_is_one_line(tiny, value):
+    known = store.config_of(tiny, "GVT")
+    for config in (value, {"algorithm": value}, {**known, "runs": value}):
+        with pytest.raises(TornResult) as caught:
+            check(tiny, config)
+        assert len(str(caught.value).splitlines()) == 1
+
+
+@pytest.mark.parametrize("name", ["owner", "label", "seeds", "seconds", "megabytes"])
+@pytest.mark.parametrize("junk", [None, "1", [], -1, math.nan, math.inf])
+def test_a_provenance_that_is_of_another_result_is_refused(tiny, name, junk):
+    with pytest.raises(TornResult, match=f"(differs in|does not tell its) {name}"):
+        check(tiny, store.config_of(tiny, "GVT"), **{name: junk})
+
+
+def test_a_key_that_nobody_knows_is_refused(tiny):
+    config = store.config_of(tiny, "GVT")
+    with pytest.raises(TornResult, match=r"differs in .*'a\\+nb'"):
+        check(tiny, {**config, "a\nb": 1})
+    config["algorithm"]["alpha_2"] = 0.25
+    with pytest.raises(TornResult, match=r"algorithm\.'alpha_2'"):
+        check(tiny, config)
+
+
+def test_what_is_loaded_has_the_names_of_its_axes(tiny, computed, tmp_path):
+    found, arrays = store.returns(tiny, "GVT", computed), store.read(computed / "tiny/GVT")[0]
+    assert found.learning.dims == ("run", "iteration")
+    assert found.learning.sel(run=2, iteration=40) == arrays["learning"][2, 1]
+    assert found.optimum.sel(run=1) == store.read(computed / "tiny/tasks")[0]["optimum"][1]
+    assert found.attrs["config"]["every"] == 20
+    alike = {"inside": np.zeros((3, 2, 5)), "fingerprints": np.zeros((3, 2, 4))}
+    saved(tiny, "GVT", tmp_path, {"iterations": np.arange(2), **alike})
+    found = store.load(tiny, "GVT", tmp_path)
+    assert found.inside.dims == ("run", "iteration", "inside_2")
+    assert found.fingerprints.dims == ("run", "fingerprints_1", "fingerprints_2")
+    found, arrays = store.load(tiny.pool, "sources", computed), store.weights(tiny.pool, computed)
+    assert found.weights.dims == ("source", "weights_1")
+    np.testing.assert_array_equal(found.weights.sel(source=2), arrays[2])
+    saved(tiny.pool, "sources", tmp_path, {"index": np.arange(3)})
+    with pytest.raises(ValueError, match="weights of tiny-pool must"):
+        store.weights(tiny.pool, tmp_path)
+
+
+@pytest.mark.parametrize("wrong", [np.zeros(0), np.float64(0), np.zeros(4), np.ones(3) * np.nan])
+def test_runs_of_another_number_or_of_none_are_torn(tiny, tmp_path, wrong):
+    saved(tiny, "GVT", tmp_path, {"run": np.arange(3), "learning": wrong})
+    with pytest.raises(TornResult, match=r"GVT (does not hold 3|has .* among its) learning"):
+        store.load(tiny, "GVT", tmp_path)
+
+
+def test_where_there_are_no_results_at_all_the_error_says_what_to_do(tmp_path, monkeypatch):
+    monkeypatch.setenv("VTLIB_RESULTS", str(tmp_path / "none"))
+    with pytest.raises(FileNotFoundError, match=r"run in a checkout, or set VTLIB_RESULTS"):
+        store.read(tmp_path / "none" / "rooms" / "NT")
+    monkeypatch.setenv("VTLIB_RESULTS", str(tmp_path))
+    with pytest.raises(FileNotFoundError, match=r"no stored result at \S+$"):
+        store.read(tmp_path / "rooms" / "NT")
