@@ -22,6 +22,7 @@ ONLINE ?=
 
 BIN     := $(VENV)/bin
 SET_UP  := $(VENV)/set-up-is-done
+CHECKS  := $(VENV)/checks-are-installed
 KERNELS := vtlib/native/lib/up-to-date
 PYFILES := vtlib tests book/vtlab book/vtbook book/_ext
 # Only pages with cells: the rest of the Markdown has no code to check.
@@ -46,14 +47,14 @@ book: $(KERNELS)
 
 # The book is built beside the other tests: one thread each, or they wait for each other.
 test: export OMP_NUM_THREADS := 1
-test: $(KERNELS)
+test: $(KERNELS) $(CHECKS)
 	@echo "==> Testing: 10 to 30 minutes on two cores (linter, library, book from scratch, browser)."
 	@$(MAKE) --no-print-directory -j2 lint pytest
 
-pytest: $(KERNELS)
+pytest: $(KERNELS) $(CHECKS)
 	@$(BIN)/python -m pytest -n logical --dist loadfile --no-loadscope-reorder
 
-lint: $(KERNELS)
+lint: $(KERNELS) $(CHECKS)
 	@echo "==> Checking style, types, imports and language: a minute the first time, then seconds."
 	@$(BIN)/ruff check $(PYFILES)
 	@$(BIN)/ruff format --check $(PYFILES)
@@ -63,7 +64,7 @@ lint: $(KERNELS)
 	@PATH="$(abspath $(BIN)):$$PATH" $(BIN)/nbqa "ruff format --check" $(PAGES)
 	@$(BIN)/python book/_ext/prose.py
 
-format: $(SET_UP)
+format: $(CHECKS)
 	@$(BIN)/ruff check --fix $(PYFILES)
 	@$(BIN)/ruff format $(PYFILES)
 	@PATH="$(abspath $(BIN)):$$PATH" $(BIN)/nbqa "ruff format" $(PAGES)
@@ -97,7 +98,7 @@ oldest newest:
 	@$(OTHER)/bin/pip install -q --retries 1 --timeout 30 --no-deps --index-url $(CPU_TORCH) \
 		$$(grep '^torch' tests/requirements-$@.txt) 2>/dev/null || true
 	@$(OTHER)/bin/pip install -q --upgrade -r tests/requirements-$@.txt
-	@$(OTHER)/bin/pip install -q --no-deps -e .
+	@$(OTHER)/bin/pip install -q --no-deps -e . -e book
 	@$(OTHER)/bin/python -m pytest -W default $(addprefix --ignore=,$(OF_THE_BOOK))
 
 sanitize:
@@ -113,7 +114,7 @@ distclean: clean
 	rm -rf $(VENV) *.egg-info
 
 # The environment. Made anew only when a pinned version or the package's metadata changes.
-$(SET_UP): requirements.txt pyproject.toml
+$(SET_UP): requirements.txt pyproject.toml book/pyproject.toml
 	@echo "==> Setting up $(VENV) (once): about 2 minutes and 1.5 GB with a good connection."
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info[:2] != (3, 11))' || \
 		{ echo "Python 3.11 is needed: make PYTHON=/path/to/python3.11 book"; exit 1; }
@@ -127,9 +128,16 @@ $(SET_UP): requirements.txt pyproject.toml
 	@echo "--> 2 of 3: everything else, at the versions and with the digests of requirements.txt"
 	@$(BIN)/pip install --progress-bar off --require-hashes -r requirements.txt \
 		>$(VENV)/install.log 2>&1 || { tail -n 20 $(VENV)/install.log; exit 1; }
-	@echo "--> 3 of 3: vtlib itself, in place"
-	@$(BIN)/pip install -q -e . --no-deps --no-build-isolation
+	@echo "--> 3 of 3: vtlib and the pages' package, in place"
+	@$(BIN)/pip install -q -e . -e book --no-deps --no-build-isolation
 	@$(BIN)/pip check
+	@touch $@
+
+# What only the checks need: linters, test tools, drivers of browsers.
+$(CHECKS): $(SET_UP) requirements-checks.txt
+	@echo "==> Installing what the checks need, with the digests of requirements-checks.txt"
+	@$(BIN)/pip install --progress-bar off --require-hashes -r requirements-checks.txt \
+		>$(VENV)/checks.log 2>&1 || { tail -n 20 $(VENV)/checks.log; exit 1; }
 	@touch $@
 
 # The loops in C++, compiled again when their sources change.

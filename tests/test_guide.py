@@ -1,11 +1,9 @@
 """The guide's stored runs are what its script computes, and its first lines run from a wheel."""
 
 import os
-import re
 import shutil
 import subprocess
 import sys
-import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -87,42 +85,3 @@ def python(code: str, folder: Path, **environment: str) -> subprocess.CompletedP
         capture_output=True,
         timeout=300,
     )
-
-
-def test_a_wheel_has_all_that_the_guides_first_lines_need_but_no_results(tmp_path):
-    pytest.importorskip("setuptools", "77")  # what pyproject.toml asks for
-    source, unpacked, empty = (tmp_path / x for x in ("source", "unpacked", "empty"))
-    empty.mkdir()
-    without = shutil.ignore_patterns("__pycache__", "lib")  # what is compiled is not packed
-    for name in ("vtlib", "book/vtlab", "book/vtbook"):
-        shutil.copytree(ROOT / name, source / name, ignore=without)
-    for name in ("pyproject.toml", "README.md", "LICENSE"):
-        shutil.copy(ROOT / name, source)
-    build = "from setuptools.build_meta import build_wheel; print(build_wheel('.'))"
-    built = python(build, source)
-    assert built.returncode == 0, built.stderr
-    with zipfile.ZipFile(source / built.stdout.splitlines()[-1]) as wheel:
-        wheel.extractall(unpacked)
-    page = (ROOT / "book" / "guide.md").read_text(encoding="utf-8")
-    (cell,) = re.findall(r"```\{code-cell\} python3\n(import gymnasium.*?)```", page, re.DOTALL)
-    code = f"""
-{cell.replace("iterations=4000", "iterations=200")}
-import vtbook.bench, vtlab.cli, vtlab.envs.maze, vtlab.store, vtlib
-vtbook.bench.PUBLISHED = {{"cartpole": {{"DDQN": 0.74}}}}
-assert vtlab.cli.main(["bench"]) == 0
-print(*(x.__file__ for x in (vtlib, vtlab, vtbook)), vtlib.__version__, *sources.shape, q.d)
-print(transfer([cartpole(0.5)], q, sources, 5, trials=2).steps > 5)
-print(vtlab.store.results_folder().resolve())
-vtlab.envs.maze.library()
-raise SystemExit(vtlab.cli.main(["verify"]))
-"""
-    done = python(code, empty, PYTHONPATH=str(unpacked))
-    (version,) = re.findall(r'^version = "(.*)"', (ROOT / "pyproject.toml").read_text(), re.M)
-    inside = [str(unpacked / name / "__init__.py") for name in ("vtlib", "vtlab", "vtbook")]
-    assert done.returncode == 2, done
-    *_, row, told, transferred, results = done.stdout.splitlines()
-    assert row.split()[0] == "DDQN"
-    assert told.split() == [*inside, version, "4", "226", "226"]
-    assert (transferred, results) == ("tensor([True])", str(empty.resolve() / "results"))
-    (line,) = done.stderr.splitlines()
-    assert "the book's results are book/results of its repository" in line

@@ -49,7 +49,7 @@ def code(notebook) -> str:
 @pytest.mark.parametrize("page", PAGES)
 def test_a_page_is_a_valid_notebook_that_needs_vtlib_alone(built, page):
     notebook = read(built(page))
-    assert "pip install -e ." in notebook.cells[0].source
+    assert "pip install -e . -e book" in notebook.cells[0].source
     assert "%%" not in code(notebook)
     for node in ast.walk(ast.parse(code(notebook))):
         if isinstance(node, ast.Import | ast.ImportFrom):

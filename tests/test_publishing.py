@@ -42,11 +42,12 @@ def test_the_citation_file_has_what_its_schema_requires_and_the_book_says_the_sa
         assert f"{{{citation[key]}}}" in text("book/index.md")
 
 
-def test_the_lock_names_every_extra_that_an_installed_package_asks_for():
-    # Else pip 23 takes the newest `coverage[toml]`, of which the lock has no digest.
+def test_the_locks_name_every_extra_that_an_installed_package_asks_for():
+    # Else pip 23 takes the newest `coverage[toml]`, of which a lock has no digest.
     locked = {
         one.name: one.extras
-        for line in re.findall(r"^[^\s#].*==.*$", text("requirements.txt"), re.MULTILINE)
+        for lock in ("requirements.txt", "requirements-checks.txt")
+        for line in re.findall(r"^[^\s#].*==.*$", text(lock), re.MULTILINE)
         for one in [Requirement(line.removesuffix(" \\"))]
     }
     asked = [

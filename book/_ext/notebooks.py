@@ -30,12 +30,13 @@ NEEDS = (
     "A page of *Variational Transfer of Value Functions*, with the outputs of the built book. "
     "Its cells run where `vtlib` is installed from a checkout, whose stored runs they read: "
 )
-BY_HAND = NEEDS + "clone the repository and run `pip install -e .` there, or `make lab`."
+BY_HAND = NEEDS + "clone the repository and run `pip install -e . -e book` there, or `make lab`."
 BY_ITSELF = NEEDS + "the next cell installs one if there is none."
 INSTALL = """import importlib.util
 
 if importlib.util.find_spec("vtbook") is None:
-    %pip install --quiet --editable "git+{address}#egg=vtlib"
+    vtlib, vtbook = "git+{address}#egg=vtlib", "git+{address}#egg=vtbook&subdirectory=book"
+    %pip install --quiet --editable "$vtlib" --editable "$vtbook"
     print("Installed. Now choose Kernel, Restart Kernel.")"""
 GLUE = re.compile(r"^from myst_nb import glue$", re.MULTILINE)
 # The page's prose takes its numbers from glue; a notebook prints those that were computed anew.

@@ -1,16 +1,19 @@
-"""The posterior's steps in C++, compiled for this machine when the project is set up.
+"""The posterior's steps in C++, compiled for this machine at set-up or when first asked for.
 
 What is not compiled is not used: torch computes the same, up to rounding.
 """
 
 import ctypes
 import functools
+import logging
 from pathlib import Path
 from typing import Any
 
 import torch
 
-from vtlib.native.build import LEVELS, POSTERIOR, library
+from vtlib.native.build import LEVELS, POSTERIOR, compile_library, library
+
+LOGGER = logging.getLogger("vtlib")
 
 
 @functools.cache
@@ -23,6 +26,15 @@ def level(source: Path = POSTERIOR) -> str | None:
 
 @functools.cache
 def kernels(source: Path = POSTERIOR) -> Any:
-    """A source's library of that level; None where there is none."""
+    """A source's library of that level, compiled now if need be; None where that cannot be.
+
+    One line of the log says once why torch computes instead.
+    """
+    if level(source) is None:
+        try:
+            compile_library(source)
+            level.cache_clear()
+        except RuntimeError as error:
+            LOGGER.warning("%s; torch computes instead, slower with many weights", error)
     best = level(source)
     return best and ctypes.CDLL(str(library(source, best)))

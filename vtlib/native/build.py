@@ -1,5 +1,6 @@
 """Compiles C++ with Zig's compiler, which is a Python package: no system tools."""
 
+import importlib.util
 import platform
 import subprocess
 import sys
@@ -27,6 +28,10 @@ def library(source: Path, level: str) -> Path:
 
 def compile_library(source: Path) -> list[Path]:
     """Compile a source for this kind of machine; raises RuntimeError where that cannot be."""
+    if importlib.util.find_spec("ziglang") is None:
+        raise RuntimeError(
+            f"{source.name} needs a compiler: pip install 'vtlib[native]' brings one"
+        )
     try:
         system, machine = SYSTEMS[platform.system()][0], platform.machine()
         cpu = {"AMD64": "x86_64", "arm64": "aarch64"}.get(machine, machine)
