@@ -120,7 +120,7 @@ def numbers_of(page: NotebookNode) -> dict[str, str]:
         for output in cell.get("outputs", ())
         if "scrapbook" in output.get("metadata", {})
         for kind in output.data
-        if kind.endswith("text/plain")
+        if kind.endswith("/text/plain")
     }
 
 

@@ -134,6 +134,25 @@ class Runs:
         return int((end - self.floor < OPTIMAL * own).sum())
 
 
+def variants(
+    ingredients: Experiment, others: Mapping[str, Experiment]
+) -> dict[str, dict[str, Runs]]:
+    """An algorithm's stored runs as published, and with each change to it: {"GVT": {change: runs}}.
+
+    ingredients: an experiment whose labels name a change after a comma. others: further changes,
+    each with an experiment that has runs of the same algorithms.
+    """
+    found: dict[str, dict[str, Runs]] = {}
+    for label in ingredients.algorithms:
+        algorithm, _, change = label.partition(", ")
+        own = found.setdefault(algorithm, {})
+        own[change or "as published"] = Runs(returns(ingredients, label))
+    for change, experiment in others.items():
+        for algorithm, own in found.items():
+            own[change] = Runs(returns(experiment, algorithm))
+    return found
+
+
 @frozen(eq=False)
 class Printed:
     """Published curves of an algorithm, on the scale of our runs of the same experiment."""

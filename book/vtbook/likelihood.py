@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+from xarray import Dataset
 
 from vtbook.experiments import rooms
 from vtbook.published import rows
@@ -19,16 +20,26 @@ LABELS = ("GVT", "1-MGVT")
 Bins = Mapping[tuple[str, int], Sequence[Interval]]
 
 
+def doors(experiment: Experiment) -> np.ndarray:
+    """The place (R,) of each run's door in its wall."""
+    return np.asarray(load(experiment, "tasks").doors[:, 0])
+
+
 def likelihoods(experiment: Experiment) -> np.ndarray:
     """The likelihood (R,) of each run's door, over the largest."""
-    doors = load(experiment, "tasks").doors.values[:, 0]
     mean, deviation = rooms.LIKELIHOOD_DOORS
-    return np.asarray(np.exp(-0.5 * ((doors - mean) / deviation) ** 2))
+    return np.asarray(np.exp(-0.5 * ((doors(experiment) - mean) / deviation) ** 2))
 
 
 def bin_of(experiment: Experiment) -> np.ndarray:
     """The bin (R,) of each run."""
     return np.searchsorted(EDGES, likelihoods(experiment) - 1e-6)
+
+
+def shares(stored: Dataset, t: int, chosen: np.ndarray) -> np.ndarray:
+    """What the chosen runs earn while learning at an iteration, of their own optimum."""
+    earned = np.asarray(stored.learning.sel(iteration=t) / stored.optimum)
+    return np.asarray(earned[chosen])
 
 
 def binned() -> dict[str, Bins]:
@@ -59,9 +70,8 @@ def _optimum(experiment: Experiment) -> list[float]:
 def _bins(experiment: Experiment, labels: Sequence[str]) -> Bins:
     place = bin_of(experiment)
     runs = {x: returns(experiment, x) for x in labels}
-    shares = {x: stored.learning / stored.optimum for x, stored in runs.items()}
     return {
-        (x, t): [mean_interval(shares[x].sel(iteration=t).values[place == i]) for i in range(5)]
+        (x, t): [mean_interval(shares(runs[x], t, place == i)) for i in range(5)]
         for x in labels
         for t in AT
     }

@@ -10,15 +10,17 @@ from contextlib import contextmanager
 
 import numpy as np
 from attrs import evolve
-from IPython.display import display
+from IPython.display import HTML, display
 from matplotlib.figure import Figure
 from tqdm import tqdm
 from xarray import Dataset
 
 from vtbook import claims, plots, processors, published, tables
+from vtbook.costs import Cost, cost
 from vtbook.experiments.protocols import Protocols
+from vtlab.experiment import SOURCES
 from vtlab.run import run_batch
-from vtlab.store import returns, weights
+from vtlab.store import load, path_of, provenance, results_of, returns
 from vtlib.checks import check_one_of, check_whole
 from vtlib.stats import Interval
 
@@ -29,11 +31,12 @@ NEW = "#000000"
 class Page:
     """An experiment's stored runs: ``page.runs`` by label, ``page[label]`` as its claims see them.
 
-    curves: the name of the published curves, in book/published. floor: the return that counts as
-    nothing. ``experiment`` is as published and ``equations`` the same by the text's equations.
+    curves: the name of the published curves, in book/published, if there are any. floor: the return
+    that counts as nothing. ``experiment`` is as published and ``equations`` the same by the text's
+    equations.
     """
 
-    def __init__(self, protocols: Protocols, curves: str, floor: float = 0.0) -> None:
+    def __init__(self, protocols: Protocols, curves: str = "", floor: float = 0.0) -> None:
         self.experiment, self.equations = protocols
         self._curves, self._floor = curves, floor
 
@@ -53,18 +56,38 @@ class Page:
         return {x: published.curves(self._curves, x) for x in ("learning", "greedy")}
 
     @functools.cached_property
+    def sources(self) -> Dataset:
+        """The stored sources: their weights, and what it took to solve them."""
+        return load(self.experiment.pool, SOURCES)
+
+    @property
     def weights(self) -> np.ndarray:
         """Weights (count, d) of the sources."""
-        return weights(self.experiment.pool)
+        return np.asarray(self.sources.weights)
 
     def __getitem__(self, label: str) -> claims.Runs:
         return claims.Runs(self.runs[label], self._floor)
 
     def say(self, name: str, value: Interval | np.ndarray | float, form: str = "z.2f") -> None:
-        """Keep a number, or a number with its interval, for the text of the page."""
-        told = {f"{RECORD}text/plain": repr(tables.told(value, form))}
+        """Keep a number, or a number with its interval, for the text of the page.
+
+        A notebook shows it below its cell, the book in the text only.
+        """
+        text = tables.told(value, form)
+        told = {f"{RECORD}text/plain": repr(text), "text/plain": f"{name}: {text}"}
         note = {"scrapbook": {"name": name, "mime_prefix": RECORD}}
         display(told, raw=True, metadata=note)  # type: ignore[no-untyped-call]
+
+    def cost(self, label: str) -> Cost:
+        """What an algorithm's sources cost and what they save, beside learning without transfer."""
+        used = self.experiment.sources_of(label)
+        return cost(self.sources, used, self.runs[label], self.runs["NT"], self._floor)
+
+    def settings(self) -> HTML:
+        """Every parameter of the stored runs, and what it took to compute them, as tables."""
+        notes = [provenance(path_of(*result)) for result in results_of(self.experiment)]
+        both = tables.settings_table(self.experiment) + tables.cost_table(notes)
+        return HTML(both)  # type: ignore[no-untyped-call]
 
     def rerun(self, *labels: str, runs: int = 2, iterations: int = 500) -> Figure:
         """Compute the first runs of some algorithms anew and draw them over all that are stored.
@@ -107,7 +130,8 @@ class Page:
             for ax, (label, new) in zip(panels, made.items(), strict=True):
                 stored, at = self.runs[label], new["iterations"]
                 band = stored.iteration.values, stored.learning.values
-                plots.draw_curves(ax, [plots.curve(label, label, *band)])
+                algorithm = label.partition("-from-")[0]  # without its number of sources
+                plots.draw_curves(ax, [plots.curve(label, algorithm, *band)])
                 ax.plot(at, new["learning"].T, color=NEW, lw=1)
                 same = stored.learning.sel(run=new["run"], iteration=at).values
                 difference = np.abs(same - new["learning"]).max()
