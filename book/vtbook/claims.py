@@ -16,8 +16,8 @@ from xarray import Dataset
 
 from vtbook.comparisons import ratio_interval, spread_interval
 from vtbook.published import PublishedCurve, curves
+from vtbook.stored import returns
 from vtlab.experiment import Experiment
-from vtlab.store import returns
 from vtlib.rng import generator
 from vtlib.stats import Interval, mean_interval
 
@@ -134,6 +134,17 @@ class Runs:
         return int((end - self.floor < OPTIMAL * own).sum())
 
 
+def runs_of(experiment: Experiment, floor: float = 0.0) -> dict[str, Runs]:
+    """The stored runs of an experiment by label."""
+    return {label: Runs(returns(experiment, label), floor) for label in experiment.algorithms}
+
+
+def changes_of(experiment: Experiment, label: str, floor: float = 0.0) -> dict[str, Runs]:
+    """Stored runs of an algorithm by what was changed, from labels such as "GVT, no clip"."""
+    start, runs = f"{label}, ", runs_of(experiment, floor)
+    return {x.removeprefix(start): one for x, one in runs.items() if x.startswith(start)}
+
+
 @frozen(eq=False)
 class Printed:
     """Published curves of an algorithm, on the scale of our runs of the same experiment."""
@@ -191,10 +202,7 @@ class Figure:
 
     @runs.default
     def _load(self) -> Mapping[str, Mapping[str, Runs]]:
-        return {
-            protocol: {x: Runs(returns(experiment, x), self.floor) for x in experiment.algorithms}
-            for protocol, experiment in self.protocols.items()
-        }
+        return {x: runs_of(experiment, self.floor) for x, experiment in self.protocols.items()}
 
     @printed.default
     def _read(self) -> Mapping[str, Printed]:

@@ -17,8 +17,9 @@ from xarray import Dataset
 
 from vtbook import claims, plots, processors, published, tables
 from vtbook.experiments.protocols import Protocols
+from vtbook.stored import returns
 from vtlab.run import run_batch
-from vtlab.store import returns, weights
+from vtlab.store import weights
 from vtlib.checks import check_one_of, check_whole
 from vtlib.stats import Interval
 
