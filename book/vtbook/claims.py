@@ -93,6 +93,10 @@ class Runs:
         """Learning returns (R,) averaged until an iteration."""
         return np.asarray(self.stored.learning.sel(iteration=slice(None, t)).mean("iteration"))
 
+    def shares_until(self, t: int) -> np.ndarray:
+        """The learning return (R,) averaged until an iteration."""
+        return (self.until(t) - self.floor) / self.scale
+
     def shares(self, t: int, kind: str = "learning") -> np.ndarray:
         """The return (R,) at an iteration."""
         return (self.at(t, kind) - self.floor) / self.scale

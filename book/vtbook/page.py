@@ -61,8 +61,10 @@ class Page:
     def __getitem__(self, label: str) -> claims.Runs:
         return claims.Runs(self.runs[label], self._floor)
 
-    def say(self, name: str, value: Interval | np.ndarray | float, form: str = "z.2f") -> None:
-        """Keep a number, or a number with its interval, for the text of the page."""
+    def say(
+        self, name: str, value: Interval | np.ndarray | float | str, form: str = "z.2f"
+    ) -> None:
+        """Keep a number, one with its interval, or words, for the text of the page."""
         told = {f"{RECORD}text/plain": repr(tables.told(value, form))}
         note = {"scrapbook": {"name": name, "mime_prefix": RECORD}}
         display(told, raw=True, metadata=note)  # type: ignore[no-untyped-call]
