@@ -8,6 +8,7 @@ shown, and before anything has run. What the page folds is folded. Pages without
 
 from __future__ import annotations
 
+import ast
 import math
 import re
 from collections.abc import Iterator, Mapping
@@ -44,6 +45,7 @@ PRINT = '''def glue(name, value, display=False):
     """Show a number that the text of the page has from here."""
     print(f"{name}: {value}")'''
 STARTING = 6.0  # seconds until a kernel has imported what pages import
+RECORDED = "application/papermill.record/text/plain"  # of a number for the text
 FOLDED = {"remove-cell", "hide-cell", "remove-input", "hide-input"}
 HEADING = re.compile(r"^(#+ )", re.MULTILINE)
 FENCED = re.compile(r"^```.*?^```$", re.DOTALL | re.MULTILINE)
@@ -115,12 +117,10 @@ def executed(app: Any, docname: str) -> NotebookNode | None:
 def numbers_of(page: NotebookNode) -> dict[str, str]:
     """The texts that cells have glued for the prose, by their names."""
     return {
-        output.metadata["scrapbook"]["name"]: output.data[kind].strip("'")
+        output.metadata["scrapbook"]["name"]: ast.literal_eval(output.data[RECORDED])
         for cell in page.cells
         for output in cell.get("outputs", ())
-        if "scrapbook" in output.get("metadata", {})
-        for kind in output.data
-        if kind.endswith("/text/plain")
+        if RECORDED in output.get("data", ())
     }
 
 

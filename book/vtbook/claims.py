@@ -16,8 +16,8 @@ from xarray import Dataset
 
 from vtbook.comparisons import ratio_interval, spread_interval
 from vtbook.published import PublishedCurve, curves
+from vtbook.stored import returns
 from vtlab.experiment import Experiment
-from vtlab.store import returns
 from vtlib.rng import generator
 from vtlib.stats import Interval, mean_interval
 
@@ -93,6 +93,10 @@ class Runs:
         """Learning returns (R,) averaged until an iteration."""
         return np.asarray(self.stored.learning.sel(iteration=slice(None, t)).mean("iteration"))
 
+    def shares_until(self, t: int) -> np.ndarray:
+        """The learning return (R,) averaged until an iteration."""
+        return (self.until(t) - self.floor) / self.scale
+
     def shares(self, t: int, kind: str = "learning") -> np.ndarray:
         """The return (R,) at an iteration."""
         return (self.at(t, kind) - self.floor) / self.scale
@@ -153,6 +157,17 @@ def variants(
     return found
 
 
+def runs_of(experiment: Experiment, floor: float = 0.0) -> dict[str, Runs]:
+    """The stored runs of an experiment by label."""
+    return {label: Runs(returns(experiment, label), floor) for label in experiment.algorithms}
+
+
+def changes_of(experiment: Experiment, label: str, floor: float = 0.0) -> dict[str, Runs]:
+    """Stored runs of an algorithm by what was changed, from labels such as "GVT, no clip"."""
+    start, runs = f"{label}, ", runs_of(experiment, floor)
+    return {x.removeprefix(start): one for x, one in runs.items() if x.startswith(start)}
+
+
 @frozen(eq=False)
 class Printed:
     """Published curves of an algorithm, on the scale of our runs of the same experiment."""
@@ -210,10 +225,7 @@ class Figure:
 
     @runs.default
     def _load(self) -> Mapping[str, Mapping[str, Runs]]:
-        return {
-            protocol: {x: Runs(returns(experiment, x), self.floor) for x in experiment.algorithms}
-            for protocol, experiment in self.protocols.items()
-        }
+        return {x: runs_of(experiment, self.floor) for x, experiment in self.protocols.items()}
 
     @printed.default
     def _read(self) -> Mapping[str, Printed]:

@@ -6,9 +6,10 @@ import numpy as np
 from attrs import evolve
 
 from vtbook import processors
+from vtbook.stored import returns
 from vtlab.experiment import Algorithm, Experiment
 from vtlab.run import run_batch
-from vtlab.store import returns, weights
+from vtlab.store import weights
 from vtlib.checks import check_one_of, check_whole
 from vtlib.stats import Interval, mean_interval
 

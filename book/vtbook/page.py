@@ -18,9 +18,10 @@ from xarray import Dataset
 from vtbook import claims, plots, processors, published, tables
 from vtbook.costs import Cost, cost
 from vtbook.experiments.protocols import Protocols
+from vtbook.stored import returns
 from vtlab.experiment import SOURCES
 from vtlab.run import run_batch
-from vtlab.store import load, path_of, provenance, results_of, returns
+from vtlab.store import load, path_of, provenance, results_of
 from vtlib.checks import check_one_of, check_whole
 from vtlib.stats import Interval
 
@@ -68,8 +69,10 @@ class Page:
     def __getitem__(self, label: str) -> claims.Runs:
         return claims.Runs(self.runs[label], self._floor)
 
-    def say(self, name: str, value: Interval | np.ndarray | float, form: str = "z.2f") -> None:
-        """Keep a number, or a number with its interval, for the text of the page.
+    def say(
+        self, name: str, value: Interval | np.ndarray | float | str, form: str = "z.2f"
+    ) -> None:
+        """Keep a number, one with its interval, or words, for the text of the page.
 
         A notebook shows it below its cell, the book in the text only.
         """

@@ -12,9 +12,9 @@ from vtbook import widgets
 from vtbook.claims import Runs
 from vtbook.experiments.grids import count_name, slider_name
 from vtbook.plots import Series, image_html, look, power_of_ten, returns_figure
+from vtbook.stored import returns
 from vtbook.tables import told
 from vtlab.experiment import Experiment
-from vtlab.store import returns
 from vtlib.stats import Interval
 from vtlib.transfer import Settings
 

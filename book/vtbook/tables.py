@@ -192,8 +192,8 @@ def cost_table(notes: Iterable[Mapping[str, Any]]) -> str:
     return html_table(["stored result", "seconds of one core", "processor", "versions"], rows)
 
 
-def told(value: Interval | np.ndarray | float, form: str = "z.2f") -> str:
-    """A number in words, with its interval if it has one, by a format for each."""
+def told(value: Interval | np.ndarray | float | str, form: str = "z.2f") -> str:
+    """A number in words, with its interval if it has one, by a format for each; words by "s"."""
     if isinstance(value, tuple):
         if value.low == value.high:
             return told(value.centre, form)

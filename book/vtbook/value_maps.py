@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import pairwise
 
 import numpy as np
 import torch
@@ -13,10 +14,14 @@ from matplotlib.image import AxesImage
 from matplotlib.patheffects import withStroke
 from torch import Tensor
 
+from vtbook.pauses import pauses
 from vtbook.plots import BookFigure, figure_html, look
 from vtbook.walks import walks
 from vtlab.envs.base import Plane, TaskFamily
+from vtlab.experiment import Experiment
+from vtlab.run import prepare, prepare_natively
 from vtlib.episodes import Tasks
+from vtlib.transfer import VariationalTransfer
 
 NODES = 61  # of the grid, across and up
 PATH = "#D55E00"
@@ -58,6 +63,26 @@ def value_map(family: TaskFamily, task: Tasks, mu: Tensor) -> ValueMap:
     (path,) = walks(task, lambda states: values(states).argmax(0), start, still)
     over = values(plane_states(plane, task.obs_dim)).view(-1, NODES, NODES)
     return ValueMap(plane, over.numpy(), path[:, list(plane.axes)])
+
+
+def on_the_way(
+    experiment: Experiment, label: str, weights: np.ndarray, at: Sequence[int]
+) -> Iterator[tuple[Tensor, float]]:
+    """Means (1, C, d) and the size of L at some iterations of the first run, computed anew.
+
+    Without a posterior the mean is the network, and the size 0. at: from 0 on.
+    """
+    first = experiment, label, [0], weights
+    if native := prepare_natively(*first):
+        for before, t in pairwise((0, *at)):
+            native[0].advance(t - before)
+            mu = torch.from_numpy(native[0].mu.copy())
+            yield mu.unsqueeze(0), float(np.linalg.norm(native[0].L))
+        return
+    agent = (batch := prepare(*first)).agent
+    for _ in pauses(batch, at):
+        size = float(agent.scale_tril.norm()) if isinstance(agent, VariationalTransfer) else 0.0
+        yield agent.mu.detach().clone(), size
 
 
 def draw_map(ax: Axes, one: ValueMap) -> AxesImage:

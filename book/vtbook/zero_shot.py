@@ -1,13 +1,18 @@
 """What sources earn in a new task before anything is learned there."""
 
+from collections.abc import Mapping
+
 import numpy as np
 import torch
+from torch import Tensor
 
+from vtbook.coverage import posterior_samples
 from vtlab.evaluation import Evaluation
 from vtlab.experiment import Experiment
-from vtlab.run import chosen_sources, targets
+from vtlab.run import chosen_sources, prepare, targets
 from vtlab.sources import check_pool_weights
 from vtlib.rng import Rng
+from vtlib.transfer import VariationalTransfer
 
 
 def zero_shot(
@@ -24,3 +29,26 @@ def zero_shot(
     evaluate = Evaluation(family.q(), targets(experiment, runs), rng, episodes, "max")
     given = torch.from_numpy(weights[chosen_sources(experiment, runs)])
     return evaluate(given.mean(1, keepdim=True) if of_mean else given).numpy()
+
+
+def greedy_returns(
+    experiment: Experiment, given: Tensor, stream: str, episodes: int = 20
+) -> np.ndarray:
+    """What the greedy policies of weights (R, C, d) earn in each run's task, by their mean (R,)."""
+    runs = range(experiment.runs)
+    noise, tasks = Rng(stream, runs), targets(experiment, runs)
+    return Evaluation(experiment.family.q(), tasks, noise, episodes, "each")(given).numpy()
+
+
+def at_start(
+    experiment: Experiment, label: str, weights: np.ndarray, stream: str, samples: int = 10
+) -> Mapping[str, np.ndarray]:
+    """The same of a posterior's mean and of its samples (R,), before the first step."""
+    runs, d = range(experiment.runs), experiment.family.q().d
+    agent = prepare(experiment, label, runs, weights).agent
+    assert isinstance(agent, VariationalTransfer)
+    noise = Rng(f"{stream} samples", runs).stream(label).normal(samples * d)
+    mu = agent.mu.detach()
+    drawn = posterior_samples(mu, agent.scale_tril, noise.view(len(runs), 1, samples, d))
+    each = {"mean": mu, "sample": drawn}
+    return {name: greedy_returns(experiment, given, stream) for name, given in each.items()}

@@ -1,12 +1,22 @@
 """Value maps: the grid, what is mapped over it, and how it is drawn."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 import torch
 from attrs import evolve
 from matplotlib.figure import Figure
 
-from vtbook.value_maps import NODES, draw_map, maps_picture, plane_states, value_map
+from vtbook import value_maps
+from vtbook.value_maps import (
+    NODES,
+    draw_map,
+    maps_picture,
+    on_the_way,
+    plane_states,
+    value_map,
+)
 from vtlab.envs import CartpoleFamily, MountainCarFamily
 
 
@@ -53,3 +63,19 @@ def test_a_map_is_drawn_in_the_units_of_its_labels():
     flat = evolve(one, values=np.full((2, NODES, NODES), -7.0))
     words = f"DDQN: greedy value -7 to -7, {len(one.path) - 1} steps from the start."
     assert words in maps_picture({"1-MGVT": one, "DDQN": flat}, 1500)
+
+
+@pytest.mark.parametrize("label", ["DDQN", "GVT"])
+def test_what_is_learned_on_the_way_is_kept_and_the_same_without_kernels(
+    tiny, weights, label, monkeypatch
+):
+    at = (0, 30, 60)
+    by_kernels = [*on_the_way(tiny, label, weights[:3], at)]
+    monkeypatch.setattr(value_maps, "prepare_natively", lambda *_: None)
+    by_torch = [*on_the_way(tiny, label, weights[:3], at)]
+    means = [mu for mu, _ in by_torch]
+    assert all((a != b).any() for a, b in pairwise(means))
+    for (mu, size), (same, other) in zip(by_kernels, by_torch, strict=True):
+        np.testing.assert_allclose(mu, same, rtol=1e-3, atol=1e-4)
+        assert size == pytest.approx(other, rel=1e-3)
+        assert (size > 0) == (label == "GVT")

@@ -3,9 +3,9 @@
 import numpy as np
 import torch
 
-from vtbook.zero_shot import zero_shot
+from vtbook.zero_shot import at_start, greedy_returns, zero_shot
 from vtlab.evaluation import Evaluation
-from vtlab.run import chosen_sources, targets
+from vtlab.run import chosen_sources, prepare, targets
 from vtlib.rng import Rng
 
 
@@ -20,3 +20,19 @@ def test_what_sources_earn_at_once_is_by_the_surest_of_a_runs_own(tiny):
     expected = evaluate(torch.from_numpy(pool[surest])[:, None])
     np.testing.assert_allclose(found, expected, rtol=1e-6)
     assert (zero_shot(tiny, pool, of_mean=True) != zero_shot(tiny, pool)).any()
+
+
+def test_policies_are_judged_alone_and_their_returns_averaged(tiny, weights):
+    own = torch.from_numpy(weights[:3][chosen_sources(tiny, range(tiny.runs))])
+    alone = [greedy_returns(tiny, own[:, [c]], "some", 5) for c in range(tiny.sources)]
+    np.testing.assert_allclose(greedy_returns(tiny, own, "some", 5), np.mean(alone, 0), rtol=1e-6)
+
+
+def test_a_posterior_s_samples_are_drawn_before_anything_is_learned(tiny, weights):
+    given = tiny, "GVT", weights[:3], "some", 4
+    found = at_start(*given)
+    mu = prepare(tiny, "GVT", range(tiny.runs), weights[:3]).agent.mu.detach()
+    np.testing.assert_array_equal(found["mean"], greedy_returns(tiny, mu, "some"))
+    assert found["sample"].shape == (tiny.runs,)
+    assert (found["sample"] != found["mean"]).any()
+    np.testing.assert_array_equal(found["sample"], at_start(*given)["sample"])

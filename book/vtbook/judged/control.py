@@ -7,9 +7,10 @@ import numpy as np
 from vtbook.claims import EARLY, MIXTURES, OPTIMAL, TRANSFER, Claim, Figure
 from vtbook.experiments.cartpole import CARTPOLE
 from vtbook.experiments.mountain_car import CAR, FLOOR
+from vtbook.stored import load
 from vtbook.zero_shot import zero_shot
 from vtlab.experiment import Pool
-from vtlab.store import load, weights
+from vtlab.store import weights
 from vtlib.rng import generator
 from vtlib.stats import Interval, mean_interval
 

@@ -1,4 +1,4 @@
-"""What an environment of the laboratory is: tasks in batches, and one record of all else about it."""
+"""What an environment of the laboratory is: tasks in batches, and a record of all else."""
 
 from __future__ import annotations
 
