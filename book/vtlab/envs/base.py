@@ -1,4 +1,4 @@
-"""What an environment of the laboratory is: tasks in batches, and one record of all else about it."""
+"""What an environment here is: tasks in batches, and one record of all else about it."""
 
 from __future__ import annotations
 
