@@ -18,6 +18,8 @@ from pathlib import Path
 
 from fetch_assets import AssetsUnavailable, fetch
 
+# Not the script beside Python: in a copied environment that belongs to the one it was copied from.
+TOOL = "from jupyter_book.cli.main import main; main()"
 ROOT = Path(__file__).resolve().parents[2]
 
 
@@ -53,8 +55,7 @@ def build(fresh: bool, results: Path | None, online: bool = False) -> int:
     folder.mkdir(exist_ok=True)
     (folder / "failed").touch()
     print("--> Pages", flush=True)
-    tool = Path(sys.executable).with_name("jupyter-book")
-    command = [str(tool), "build", ".", "-W", "-n", "--keep-going"]
+    command = [sys.executable, "-c", TOOL, "build", ".", "-W", "-n", "--keep-going"]
     # one thread: small tensors gain nothing by more, and lose much where cores are busy
     environment = os.environ | {"NO_COLOR": "1", "PYTHONUNBUFFERED": "1", "OMP_NUM_THREADS": "1"}
     environment["VTLIB_CHECK_FIGURES"] = "1"  # one that is cut off fails its page

@@ -99,7 +99,7 @@ def test_environments_side_by_side_have_a_seed_each():
 def test_the_guides_lines_train_a_learner_of_stable_baselines3():
     """Skipped but in an environment that tests/requirements-sb3.txt tells how to make."""
     pytest.importorskip("stable_baselines3")
-    guide = Path(__file__).resolve().parents[2] / "book" / "guide.md"
+    guide = Path(__file__).resolve().parents[3] / "book" / "guide.md"
     (code,) = re.findall(r"```python\n(.*?)```", guide.read_text(), re.S)
     assert len(code.splitlines()) == 5
     names = {}
