@@ -1,7 +1,7 @@
 """Ctrl-C and the like end a command at once: what is stored is whole, whenever that happens.
 
 An orderly end would wait for workers, which are what one may want to be rid of. Files appear under
-their names only when they are complete, so nothing has to be tidied up but processes and scratch.
+their names only when they are complete, so nothing has to be tidied up but processes.
 """
 
 # what takes long to import is imported where it is needed: no handler stands before these are
@@ -14,6 +14,7 @@ from collections.abc import Callable, Iterator
 from types import FrameType
 
 SIGNALS = signal.SIGINT, signal.SIGTERM
+QUIET = "ignore::UserWarning:multiprocessing.resource_tracker"
 LINE = b"\nvtlab: interrupted; run and reproduce go on from here\n"
 
 
@@ -26,45 +27,30 @@ def end_at_once() -> None:
     """
     _answer(_leave)  # nothing has to be tidied up before what follows is imported
     import multiprocessing
-    import shutil
-    import tempfile
-    from pathlib import Path
 
     def tidy_up_and_leave(number: int, frame: FrameType | None) -> None:
         for child in multiprocessing.active_children():
             child.kill()
-        for folder in Path(tempfile.gettempdir()).glob(f"{_prefix()}*"):
-            shutil.rmtree(folder, ignore_errors=True)
         _leave(number, frame)
 
     _answer(tidy_up_and_leave)
     atexit.register(_answer, signal.SIG_IGN)
 
 
-def scratch() -> contextlib.AbstractContextManager[str]:
-    """A folder that goes when this process ends, however it is ended short of SIGKILL."""
-    import tempfile
-
-    return tempfile.TemporaryDirectory(prefix=_prefix())
-
-
 @contextlib.contextmanager
 def for_this_process_alone() -> Iterator[None]:
-    """Threads and processes begun meanwhile never see SIGINT, which a terminal sends to all."""
+    """Threads and processes begun meanwhile never see SIGNALS, which may be sent to all."""
     from multiprocessing import resource_tracker
 
     # It tidies up after the others and says so; begun later, it would let signals in again.
-    sys.warnoptions.append("ignore::UserWarning:multiprocessing.resource_tracker")
+    if QUIET not in sys.warnoptions:
+        sys.warnoptions.append(QUIET)
     resource_tracker.ensure_running()
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)
     try:
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
-
-
-def _prefix() -> str:
-    return f"vtlab-{os.getpid()}-"
 
 
 def _answer(handler: Callable[[int, FrameType | None], None] | signal.Handlers) -> None:

@@ -25,6 +25,7 @@ from attrs import NOTHING, Factory
 
 from vtlab.experiment import SOURCES, TASKS, Experiment, Pool
 from vtlab.sources import check_pool_weights
+from vtlib import native
 from vtlib.checks import one_line, shown
 from vtlib.files import TornResult, write_bytes
 
@@ -150,8 +151,13 @@ def same_arrays(a: Arrays, b: Arrays) -> bool:
 
 
 def machine(device: str = "cpu") -> dict[str, str]:
-    """Versions and processor, and the device unless it is that, for the provenance of a result."""
+    """Versions and processor, for the provenance of a result.
+
+    Beside them the device, unless it is the processor, and kernels: "none", where none is compiled.
+    """
     beside = {} if device == "cpu" else {"device": torch.cuda.get_device_name(device)}
+    if native.level() is None:
+        beside["kernels"] = "none"
     return {
         **beside,
         "python": platform.python_version(),

@@ -1,34 +1,26 @@
-"""What a small experiment comes to, which may be changed, and a cluster in this process."""
+"""What a small experiment comes to, which may be changed, and a worker in this process."""
 
 import contextlib
 import shutil
-from functools import partial
+from concurrent.futures import ThreadPoolExecutor
 
 import pytest
-from distributed import LocalCluster
 
-from vtlab import schedule, store
-
-
-@pytest.fixture(scope="session")
-def cluster():
-    """A Dask cluster of this machine, such as somebody else has started."""
-    alone = {"dashboard_address": "127.0.0.1:0", "scheduler_kwargs": {"dashboard": False}}
-    return partial(LocalCluster, threads_per_worker=1, **alone)
+from vtlab import schedule, store, units
 
 
 @pytest.fixture(scope="session")
-def here(cluster):
-    """The address of a cluster whose one worker is a thread of this process."""
-    with cluster(n_workers=1, processes=False) as local:
-        yield local.scheduler_address
+def here():
+    """An executor whose one worker is a thread of this process: what is changed here is there."""
+    with ThreadPoolExecutor(1) as executor:
+        yield executor
 
 
 @contextlib.contextmanager
 def in_twos():
     """Batches of two runs, so that three of them are cut. Elsewhere there are ten."""
     with pytest.MonkeyPatch.context() as monkeypatch:
-        monkeypatch.setattr(schedule, "BATCH", 2)
+        monkeypatch.setattr(units, "BATCH", 2)
         yield
 
 
@@ -42,7 +34,7 @@ def two_at_a_time():
 def computed(tiny, here, tmp_path_factory):
     root = tmp_path_factory.mktemp("computed")
     with in_twos():
-        schedule.complete([tiny], root, scheduler=here, quiet=True)
+        schedule.complete([tiny], root, here, quiet=True)
     return root
 
 

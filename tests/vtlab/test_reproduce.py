@@ -1,85 +1,52 @@
 """Experiments computed from nothing beside what is stored of them."""
 
+import shutil
+
 import numpy as np
 import pytest
 from attrs import evolve
 
-from vtlab import store, whole
-from vtlab.reproduce import compare, differing, first_runs, report, reproduce
-
-RETURNS = np.random.default_rng(0).normal(0.5, 0.1, 20)
-OTHER = np.random.default_rng(1).permutation(RETURNS)
+from vtlab import store
+from vtlab.reproduce import first_runs, report, reproduce
+from vtlab.verify import Verdict
 
 
-@pytest.fixture
-def compared(tiny, tmp_path, monkeypatch):
-    """Some runs computed anew, beside the stored ones with returns as above, both made up."""
-
-    def call(new, processor="another", draws=20_000):
-        monkeypatch.setattr(whole, "DRAWS", draws)
-        many = evolve(tiny, runs=20)
-        few = first_runs(many, len(new["run"]))
-        both = ("old", "a", many, recorded(RETURNS)), ("new", processor, few, new)
-        for folder, name, owner, arrays in both:
-            note = {**store.origin(owner, "DDQN"), "seconds": 12.0, "megabytes": 300}
-            path = store.path_of(owner, "DDQN", tmp_path / folder)
-            store.save(path, arrays, {**note, "machine": {"processor": name}})
-        return compare(many, few, "DDQN", tmp_path / "old", tmp_path / "new")
-
-    return call
-
-
-def recorded(returns, greedy=RETURNS):
-    """Two iterations of runs whose heads are alike."""
-    greedy = greedy[: len(returns)]
-    curves = {"learning": np.stack([returns, returns], 1), "greedy": np.stack([greedy, greedy], 1)}
-    return {
-        "run": np.arange(len(returns)),
-        "iterations": np.array([2_000, 4_000]),
-        **{key: curve.astype(np.float32) for key, curve in curves.items()},
-    }
-
-
-@pytest.mark.parametrize(
-    ("new", "verdict"),
-    [
-        (recorded(RETURNS), "identical"),
-        (recorded(RETURNS[:3]), "identical"),
-        (recorded(RETURNS + 1e-5), "equal up to rounding"),
-        (recorded(OTHER), "equal in distribution"),
-        (recorded(RETURNS - 0.2), "DIFFERENT"),
-        (recorded(OTHER, RETURNS - 0.2), "DIFFERENT"),
-        (recorded(RETURNS[:1] - 0.2), "too few runs to tell"),
-        (recorded(RETURNS[:3] - 0.2), "0 of 3 alike, the others up to iteration 1,999 or more"),
-    ],
-)
-def test_runs_are_compared_by_their_bits_their_values_and_their_distribution(
-    compared, new, verdict
+def test_what_is_computed_anew_is_compared_and_what_differs_is_named(
+    tiny, computed, stored, rewrite, here, tmp_path
 ):
-    found = compared(new)
-    assert verdict in report([found])[1]
-    assert differing([found]) == ([found] if verdict == "DIFFERENT" else [])
-    # the more is compared, the stronger must a difference be
-    assert differing([evolve(found, p=0.004), *[evolve(found, p=0.9)] * 9]) == []
-    assert (found.p is None) == (found.verdict == verdict)
+    few = evolve(tiny, algorithms={label: tiny.algorithms[label] for label in ("NT", "GVT")})
+    fresh = tmp_path / "fresh"
+    shutil.copytree(computed / "tiny-pool", fresh / "tiny-pool")  # as if it had been interrupted
+    store.remove(stored / "tiny/NT")
+    rewrite("tiny/GVT", greedy=np.full((3, 11), 0.95, np.float32))
+    found = reproduce([few], stored, fresh, 1, here)
+    assert len(store.read(fresh / "tiny/GVT")[0]["run"]) == 1
+    assert {c.label: c.verdict for c in found} == {
+        "sources": (True, "3 of 3 equal"),
+        "tasks": (True, "1 of 1 equal"),
+        "NT": (True, "nothing stored to compare with"),
+        "GVT": (False, "DIFFERS in greedy of [0]"),
+    }
+    assert all(c.seconds >= 0 and 10 < c.megabytes < 5000 for c in found)
 
 
-def test_a_difference_is_told_among_all_results_of_the_book(compared):
-    assert whole.DRAWS >= 100_000
-    found = compared(recorded(RETURNS - 0.4, RETURNS - 0.4), draws=200_000)
-    assert differing([found, *[evolve(found, p=0.9)] * 400]) == [found]
-    assert report([found] * 2)[0] == "tiny: 24 s of one core, 300 MB at most in a process"
+def test_the_report_says_what_each_took_and_how_many_differ(tiny, computed, tmp_path, here):
+    shutil.copytree(computed, tmp_path / "fresh")
+    found = reproduce([tiny], computed, tmp_path / "fresh", executor=here)
+    good = evolve(found[2], seconds=12.0, megabytes=300, verdict=Verdict(True, "fine"))
+    bad = evolve(good, label="DDQN", verdict=Verdict(False, "DIFFERS"))
+    assert report([good, bad]) == [
+        "tiny: 24 s of one core, 300 MB at most in a process",
+        "  NT: fine",
+        "  DDQN: DIFFERS",
+        "2 results compared, 1 not the same",
+    ]
+    assert report(found)[-1] == "6 results compared, all the same"
 
 
 def test_results_are_not_compared_with_themselves(tiny, tmp_path):
     with pytest.raises(ValueError, match="others than themselves"):
         reproduce([tiny], tmp_path, tmp_path / ".." / tmp_path.name)
-
-
-def test_the_same_processor_excuses_nothing(compared):
-    found = compared(recorded(OTHER), "a")
-    assert report([found])[1].startswith("  DDQN: DIFFERENT: 19 of 20 differ, number 0 first: lear")
-    assert differing([found, *[evolve(found, different=False)] * 99]) == [found]
 
 
 def test_first_runs_are_whole_tasks_and_no_more_than_there_are(tiny):

@@ -1,4 +1,4 @@
-"""Units of work: kept when done, never computed twice, and computed again when a worker dies."""
+"""Units of work: kept when done, never computed twice, by whatever executor there is."""
 
 import os
 import re
@@ -6,16 +6,19 @@ import shutil
 import signal
 import threading
 import time
+from concurrent.futures import BrokenExecutor
 from functools import partial
 
 import numpy as np
 import pytest
 from attrs import evolve
-from distributed import Client
+from distributed import Client, LocalCluster
 
 from vtbook.experiments.rooms import ROOMS_EVALUATION
 from vtlab import schedule, store
-from vtlab.schedule import compute, done, join_finished, keep, units_of
+from vtlab.schedule import join_finished, keep
+from vtlab.units import compute, units_of
+from vtlab.workers import cluster, processes
 from vtlib.files import TornResult
 from vtlib.training import Diverged
 
@@ -52,24 +55,22 @@ def test_only_what_is_missing_is_computed_and_joined_and_the_rest_is_left_alone(
     first, other = (u for u in units_of(tiny) if u.label == "NT")
     expected, _ = store.read(stored / first.result)
     store.remove(stored / first.result)
-    weights = store.weights(tiny.pool, stored)
-    keep(first, *compute(first, weights), stored)
-    assert done(first, stored)
-    assert not done(other, stored)
+    keep(first, *compute(first, store.weights(tiny.pool, stored)), stored)
     join_finished(units_of(tiny), stored)
+    assert store.exists(stored / first.part)
     assert not store.exists(stored / first.result)
     ran = []
     monkeypatch.setattr(
         schedule, "compute", lambda *given: (ran.append(given[0]), compute(*given))[1]
     )
-    complete = partial(schedule.complete, [tiny], stored, scheduler=here, quiet=True)
+    complete = partial(schedule.complete, [tiny], stored, here, quiet=True)
     complete()
     assert ran == [other]
     assert rest() == before
     assert store.same_arrays(store.read(stored / first.result)[0], expected)
     assert not (stored / "parts").exists()
     # one that was left beside its whole result is no use
-    keep(first, expected, {"seconds": 1.0, "megabytes": 9}, stored)
+    store.save(stored / first.part, expected, store.read(stored / first.result)[1])
     complete()
     assert not (stored / "parts").exists()
 
@@ -77,28 +78,32 @@ def test_only_what_is_missing_is_computed_and_joined_and_the_rest_is_left_alone(
 def test_an_error_of_one_unit_keeps_what_the_others_have_done(tiny, stored, here, monkeypatch):
     for label in ("NT", "GVT"):
         store.remove(stored / "tiny" / label)
-    real = schedule.compute
 
     def diverging(unit, *rest):
         if unit.label == "GVT" and unit.members == range(2, 3):
             raise Diverged("run 2 of tiny, GVT diverged")
-        return real(unit, *rest)
+        return compute(unit, *rest)
 
     monkeypatch.setattr(schedule, "compute", diverging)
     with pytest.raises(Diverged, match="run 2 of tiny"):
-        schedule.complete([tiny], stored, scheduler=here, quiet=True)
+        schedule.complete([tiny], stored, here, quiet=True)
     assert store.exists(stored / "tiny" / "NT")
     assert list((stored / "parts" / "tiny").glob("GVT-*.json"))
+
+
+def test_workers_of_other_versions_are_refused(tiny, here, tmp_path, monkeypatch):
+    monkeypatch.setattr(schedule, "__version__", "0.0")  # here, not in the workers
+    with pytest.raises(ValueError, match=r"workers must have vtlib 0\.0, one has "):
+        schedule.complete([tiny], tmp_path, here, quiet=True)
+    assert not list(tmp_path.rglob("*.npz"))
 
 
 def test_two_experiments_share_their_pool_and_one_bar(tiny, here, tmp_path, capsys):
     pool = evolve(tiny.pool, iterations=199, limit=199)
     one = evolve(tiny, pool=pool, algorithms={"NT": tiny.algorithms["NT"]}, iterations=20)
-    schedule.complete([one, evolve(one, name="other")], tmp_path, scheduler=here)
+    schedule.complete([one, evolve(one, name="other")], tmp_path, here)
     assert {p.parent.name for p in tmp_path.rglob("*.npz")} == {"tiny-pool", "tiny", "other"}
-    bar = capsys.readouterr().err
-    assert "2 experiments 100%" in bar
-    assert "left" in bar
+    assert re.search(r"100%\|.* gone, 00:00 left", capsys.readouterr().err)
 
 
 def test_two_experiments_of_one_name_are_refused(tiny, tmp_path):
@@ -106,17 +111,6 @@ def test_two_experiments_of_one_name_are_refused(tiny, tmp_path):
     with pytest.raises(ValueError, match="names of their own"):
         schedule.complete([tiny, one], tmp_path)
     assert not list(tmp_path.rglob("*.npz"))
-
-
-def test_the_bar_never_goes_back_and_ends_with_the_last_unit(tiny):
-    progress = schedule.Progress(units_of(tiny), "tiny", quiet=True)
-    parts = [str(unit.part) for unit in units_of(tiny)]
-    progress.tell(parts[0], 1)
-    progress.tell(parts[0], 0.5)  # a message that was late
-    assert progress._gone[parts[0]] == progress._seconds[parts[0]]
-    for part in parts:
-        progress.tell(part, 1)
-    assert sum(progress._gone.values()) == progress.bar.total
 
 
 def test_the_time_of_a_unit_is_expected_as_it_was_for_the_stored_runs(tiny, monkeypatch):
@@ -128,57 +122,56 @@ def test_the_time_of_a_unit_is_expected_as_it_was_for_the_stored_runs(tiny, monk
         assert units_of(tiny)[0].expected_seconds > 0
 
 
-def test_a_part_of_another_configuration_stops_it_before_anything_is_computed(
-    tiny, tmp_path, monkeypatch
-):
+def test_a_part_of_another_configuration_stops_it_before_anything_is_computed(tiny, tmp_path):
     note = {"config": {"limit": 7}, "seconds": 1.0}
     store.save(tmp_path / units_of(tiny.pool)[0].part, {"x": np.zeros(1)}, note)
-    monkeypatch.setattr(schedule, "_cluster", None)
     with pytest.raises(TornResult, match="another configuration"):
-        schedule.complete([tiny], tmp_path, quiet=True)
+        schedule.complete([tiny], tmp_path, executor=None, quiet=True)
 
 
-def test_a_scheduler_that_is_not_there_is_named(tiny, tmp_path, monkeypatch):
+def test_a_scheduler_that_is_not_there_is_named(monkeypatch):
     short = partial(Client, set_as_default=False, timeout=0.5)
-    monkeypatch.setattr(schedule, "Client", lambda address, **_: short(address))
-    with pytest.raises(OSError, match=re.escape("tcp://127.0.0.1:9")):
-        schedule.complete([tiny], tmp_path, scheduler="tcp://127.0.0.1:9", quiet=True)
+    monkeypatch.setattr("distributed.Client", lambda address, **_: short(address))
+    address = "tcp://127.0.0.1:9"
+    with pytest.raises(OSError, match=re.escape(address)), cluster(address):
+        pass
 
 
-def test_memory_is_not_given_back_to_the_system_again_and_again(tiny, monkeypatch):
-    monkeypatch.delenv("MALLOC_TRIM_THRESHOLD_", raising=False)
-    bar = schedule.Progress(units_of(tiny), "tiny", quiet=True)
-    with schedule._cluster(1, None, bar) as client:
-        assert set(client.run(os.getenv, "MALLOC_TRIM_THRESHOLD_").values()) == {None}
-
-
-def test_a_worker_that_dies_loses_nothing_and_others_versions_are_refused(
-    tiny, computed, cluster, tmp_path, monkeypatch
-):
+@pytest.fixture
+def interrupted(tiny, computed, tmp_path):
+    """Complete a small experiment whose sources are stored, and kill once a unit is kept."""
     shutil.copytree(computed / "tiny-pool", tmp_path / "tiny-pool")
     small = evolve(tiny, algorithms={label: tiny.algorithms[label] for label in ("NT", "GVT")})
-    with cluster(n_workers=2) as there:
-        address = {"scheduler": there.scheduler_address}
-        call = partial(schedule.complete, [small], tmp_path, quiet=True, **address)
-        with monkeypatch.context() as patched:
-            patched.setattr(schedule, "__version__", "0.0")  # here, not in the workers
-            with pytest.raises(ValueError, match=r"worker tcp.* must have .*'0\.0'.*, has "):
-                call()
-        with Client(there, set_as_default=False) as client:
-            victim = next(iter(client.run(os.getpid).values()))
-        left = []
 
+    def complete(executor, victim):
         def kill_in_the_middle():
             while not list((tmp_path / "parts").rglob("*.json")):
                 time.sleep(0.005)
             os.kill(victim, signal.SIGKILL)
-            left.extend(u for u in units_of(small) if not done(u, tmp_path))
 
         killer = threading.Thread(target=kill_in_the_middle)
         killer.start()
-        call()
-        killer.join()
-    assert left
+        try:
+            schedule.complete([small], tmp_path, executor, quiet=True)
+        finally:
+            killer.join()
+
+    yield complete
+    schedule.complete([small], tmp_path, quiet=True)
     for owner, label in store.results_of(small):
         a, b = (store.stored(owner, label, root)[0] for root in (computed, tmp_path))
         assert store.same_arrays(a, b), label
+
+
+def test_a_process_that_is_killed_ends_the_work_which_goes_on_where_it_was(interrupted):
+    with pytest.raises(BrokenExecutor), processes(1) as executor:
+        interrupted(executor, executor.submit(os.getpid).result())
+
+
+def test_units_of_a_worker_of_a_cluster_that_is_killed_move_to_another(interrupted):
+    alone = {"dashboard_address": "127.0.0.1:0", "scheduler_kwargs": {"dashboard": False}}
+    with (
+        LocalCluster(n_workers=2, threads_per_worker=1, **alone) as there,
+        cluster(there.scheduler_address) as executor,
+    ):
+        interrupted(executor, executor.submit(os.getpid).result())

@@ -1,0 +1,65 @@
+"""Executors that compute for us: processes of this machine, or the workers of a Dask cluster."""
+
+import contextlib
+import multiprocessing
+import os
+import threading
+from collections.abc import Iterator
+from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor
+from typing import Any
+
+from vtlab.interrupts import for_this_process_alone
+
+
+@contextlib.contextmanager
+def processes(jobs: int | None = None) -> Iterator[Executor]:
+    """So many processes of this machine, one per core if not given.
+
+    They end with this process, however it ends, and at once where an error ends the work.
+    """
+    others, spawn = multiprocessing.active_children(), multiprocessing.get_context("spawn")
+    with for_this_process_alone():
+        executor = _Processes(jobs or os.cpu_count(), spawn, _end_with_parent)
+    with executor:
+        try:
+            yield executor
+        except BaseException:
+            executor.shutdown(wait=False, cancel_futures=True)
+            for child in set(multiprocessing.active_children()).difference(others):
+                child.kill()
+            raise
+
+
+class _Processes(ProcessPoolExecutor):
+    def submit(self, *given: Any, **named: Any) -> Future[Any]:
+        """As that of any executor; the process that this may begin never sees an interrupt."""
+        with for_this_process_alone():
+            return super().submit(*given, **named)
+
+
+def _end_with_parent() -> None:
+    """In a process that computes: end as soon as its parent has, which may have been killed."""
+    parent = multiprocessing.parent_process()
+    assert parent is not None
+
+    def wait() -> None:
+        parent.join()
+        os._exit(1)
+
+    threading.Thread(target=wait, daemon=True).start()
+
+
+@contextlib.contextmanager
+def cluster(address: str) -> Iterator[Executor]:
+    """The workers of the Dask scheduler at an address, such as "tcp://host:8786".
+
+    Raises OSError where there is none, BrokenExecutor when a unit has lost several workers. Source:
+    Rocklin (2015), https://distributed.dask.org.
+    """
+    import distributed  # which takes a second, and only a cluster needs
+
+    with distributed.Client(address, timeout=10, set_as_default=False) as client:
+        try:
+            yield client.get_executor(pure=False)
+        except distributed.KilledWorker as error:
+            raise BrokenExecutor("workers were killed") from error
