@@ -7,6 +7,10 @@
     return sizeof(Run<Task>) + buffer * sizeof(Task::Transition);                             \
   }                                                                                           \
   extern "C" int32_t name##_weights() { return Task::D; }                                     \
+  extern "C" void *name##_place(Run<Task> *run, int32_t what) {                               \
+    void *const places[] = {&run->s, run->mu, run->sources, run->W, run->L, run->observation}; \
+    return places[what];                                                                      \
+  }                                                                                           \
   extern "C" void name##_begin(Run<Task> *run, float *L, const float *noise, const float *u) { \
     begin(*run, L, noise, u);                                                                 \
   }                                                                                           \

@@ -37,6 +37,7 @@ NUMBERS = (
     "lambda_ psi kappa gamma alpha_mu alpha_L sigma_min clip kl_clip scale "
     "epsilon_start epsilon_end"
 )
+PLACES = ("settings", "mu", "sources", "W", "L", "observation")  # in the order of runs.cpp
 ROLES = ("posterior", "component", "replay", "noise", "start", "exploration")
 
 
@@ -118,17 +119,28 @@ class NativeRun:
         library = kernels(RUNS)
         self._call = {
             part: getattr(library, f"{family.kernel}_{part}")
-            for part in ("bytes", "begin", "iterate", "learning")
+            for part in ("bytes", "place", "begin", "iterate", "learning")
         }
         self._call["bytes"].restype, self._call["learning"].restype = ctypes.c_int64, ctypes.c_float
+        self._call["place"].restype = ctypes.c_void_p
         self._algorithm, self._tasks, self._d = algorithm, tasks, family.q().d
         self._rng = {role: generator(name, run, role) for role in ROLES}
         size = self._call["bytes"](algorithm.buffer) + LINE
         self._memory = np.zeros(size, np.uint8)
-        at = -self._memory.ctypes.data % LINE
-        self._at = ctypes.c_void_p(self._memory.ctypes.data + at)
-        self._settings = _Settings.from_buffer(self._memory.data, at)
-        self._find_arrays(at)
+        begin = self._memory.ctypes.data
+        self._at = ctypes.c_void_p(begin + -begin % LINE)
+        self._settings = _Settings.from_buffer(self._memory.data, self._place("settings"))
+        wide = -(-self._d // LANES) * LANES
+        self.mu, self._sources, self._W = (
+            self._floats(name, most * wide).reshape(most, wide)[:, : self._d]
+            for name, most in (
+                ("mu", MOST_COMPONENTS),
+                ("sources", MOST_SOURCES),
+                ("W", MOST_SOURCES),
+            )
+        )
+        self.L = self._floats("L", kernels().posterior_size(self._d))
+        self._observation = self._floats("observation", tasks.obs_dim)
         factors = self._set(given, family.kernel_parameters(tasks, row))
         noise = self._numbers("posterior", 1)
         if self.mu.shape[0] > 1:
@@ -136,32 +148,14 @@ class NativeRun:
         start = self._numbers("start", 1)
         self._call["begin"](self._at, factors.ctypes, noise.ctypes, start.ctypes)
 
-    def _find_arrays(self, at: int) -> None:
-        """Find the kernel's arrays in the memory of the run."""
-        fields = [
-            ("settings", _Settings),
-            ("steps", ctypes.c_int64),
-            ("time_and_finished", ctypes.c_int32 * 2),
-            ("running_and_discount", ctypes.c_float * 2),
-            ("returns", ctypes.c_float * WINDOW),
-            ("observation", ctypes.c_float * self._tasks.obs_dim),
-        ]
-        head: Any = type("Head", (ctypes.Structure,), {"_fields_": fields})
-        self._head = head.from_buffer(self._memory.data, at)
-        wide = -(-self._d // LANES) * LANES
-        at += -(-ctypes.sizeof(head) // LINE) * LINE
+    def _place(self, name: str) -> int:
+        """Where a part of the kernel's run lies, in bytes of the memory."""
+        found: int = self._call["place"](self._at, PLACES.index(name))
+        return found - self._memory.ctypes.data
 
-        def rows(count: int) -> np.ndarray:
-            nonlocal at
-            array = self._memory[at : at + 4 * count * wide].view(np.float32)
-            at += 4 * count * wide
-            return array.reshape(count, wide)[:, : self._d]
-
-        self.mu = rows(MOST_COMPONENTS)
-        rows(2 * MOST_COMPONENTS)
-        self._sources, self._W = rows(MOST_SOURCES), rows(MOST_SOURCES)
-        rows(MOST_SOURCES)
-        self.L = self._memory[at : at + 4 * kernels().posterior_size(self._d)].view(np.float32)
+    def _floats(self, name: str, count: int) -> np.ndarray:
+        """So many numbers of a part of the kernel's run, as an array upon them."""
+        return self._memory[self._place(name) :][: 4 * count].view(np.float32)
 
     def _set(self, given: Tensor, parameters: list[float]) -> np.ndarray:
         """Hand over all that a run begins with, but the factors L (C, d, d), which are returned."""
@@ -221,7 +215,7 @@ class NativeRun:
         mu = self.mu.astype(np.float64)
         with np.errstate(all="ignore"):  # a run that has diverged is named at its next record
             sums = mu.sum(), (mu**2).sum()
-        return np.array([*sums, sum(self._head.observation), self.learning])
+        return np.array([*sums, sum(self._observation.tolist()), self.learning])
 
 
 def train_natively(
