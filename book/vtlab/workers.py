@@ -18,7 +18,9 @@ def processes(jobs: int | None = None) -> Iterator[Executor]:
     They end with this process, however it ends, and at once where an error ends the work.
     """
     others, spawn = multiprocessing.active_children(), multiprocessing.get_context("spawn")
-    with _Processes(jobs or os.cpu_count(), spawn, _end_with_parent) as executor:
+    with for_this_process_alone():
+        executor = _Processes(jobs or os.cpu_count(), spawn, _end_with_parent)
+    with executor:
         try:
             yield executor
         except BaseException:
