@@ -8,9 +8,9 @@ import pytest
 from vtbook.experiments import EXPERIMENTS, POOLS, maze
 from vtbook.experiments.maze import MAZES
 from vtbook.experiments.mountain_car import CARS, UNSOLVED
-from vtlab.heads import check_heads
 from vtlab.store import load, results_behind, results_folder
-from vtlab.whole import check_runs, count_of, expected_seconds
+from vtlab.units import expected_seconds
+from vtlab.verify import check, count_of
 
 ROOT = results_folder()
 RESULTS = {f"{o.name}/{label}": (o, label) for o, label in results_behind(EXPERIMENTS.values())}
@@ -61,9 +61,9 @@ def test_members_drawn_at_random_recompute():
         member = int(rng.integers(count_of(owner)))
         told = f"member {member} of {name}, drawn with seed {seed}"
         if place < HEADS:
-            assert not check_heads(owner, label, members=[member]).wrong, told
+            assert check(owner, label, [member], quick=True).same, told
         seconds = expected_seconds(owner, label, member)
         if seconds <= min(LONGEST, left):
             left -= seconds
-            wrong = check_runs(owner, label, [member]).wrong
-            assert not wrong, f"{told}: {wrong}"
+            found = check(owner, label, [member])
+            assert found.same, f"{told}: {found.said}"
