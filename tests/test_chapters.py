@@ -11,6 +11,7 @@ from vtbook.experiments import cartpole, maze, mountain_car, rooms
 from vtlib.transfer import Settings
 
 BOOK = Path(__file__).resolve().parents[1] / "book"
+FRONT = re.compile(r"\A---\n.*?\n---\n", re.DOTALL)  # of a page, for its tools
 PAGES = {path.stem: path.read_text(encoding="utf-8") for path in BOOK.glob("*.md")}
 NUMBERS = {1: "one", 5: "five", 8: "eight", 10: "ten", 12: "twelve", 20: "twenty", 50: "fifty"}
 # A page's runs, and those of its sliders.
@@ -48,7 +49,7 @@ def test_the_reference_has_every_module_once(extension):
 @pytest.mark.parametrize("page", [*RUNS, "rooms_likelihood"])
 def test_a_page_of_an_experiment_asks_answers_and_is_read_to_the_end(page):
     cells = re.compile(r"^```\{code-cell\}.*?^```$", re.DOTALL | re.MULTILINE)
-    prose = cells.sub("", PAGES[page])
+    prose = cells.sub("", FRONT.sub("", PAGES[page]))
     assert re.search(r"^# .*\?$", prose, re.MULTILINE), "the title asks"
     wanted, found = re.split(r",\s+", SHAPE), re.findall(r"^## (.*)$", prose, re.MULTILINE)
     if PAID not in found:  # where nothing is learned without sources, what they save cannot be told

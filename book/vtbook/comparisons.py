@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any
+
 import numpy as np
 from numpy import ndarray
 from numpy.random import Generator
@@ -49,6 +52,12 @@ def slope_interval(x: ndarray, y: ndarray) -> Interval:
     return student_interval(line.slope, line.stderr, len(x) - 2)
 
 
+def slope_within(groups: Iterable[tuple[ndarray, ndarray]]) -> Interval:
+    """The slope of y on x over groups of runs, each about the means of its own."""
+    about = [(x - np.mean(x), y - np.mean(y)) for x, y in groups]
+    return slope_interval(*(np.concatenate(each) for each in zip(*about, strict=True)))
+
+
 def holm(p: ndarray) -> ndarray:
     """P values (n,) adjusted for being n tests, so that any false finding has their level.
 
@@ -65,3 +74,11 @@ def paired_p(a: ndarray, b: ndarray) -> float:
     """P value of the hypothesis that paired runs a and b (R,) have one mean, by Student's t."""
     a, b = checked_runs(a, b)
     return float(stats.ttest_rel(a, b).pvalue)
+
+
+def adjusted(
+    pairs: Mapping[Any, tuple[Any, Any]], measure: Callable[[Any], ndarray]
+) -> dict[Any, float]:
+    """Holm's P values by name: whether the measured runs of each pair have one mean."""
+    p = np.array([paired_p(measure(a), measure(b)) for a, b in pairs.values()])
+    return dict(zip(pairs, holm(p).tolist(), strict=True))
