@@ -10,10 +10,10 @@ import torch
 from matplotlib.axes import Axes
 from torch import Tensor
 
-from vtbook.coverage import posterior_samples
-from vtbook.pauses import pauses
+from vtbook.checkpoints import pauses
+from vtbook.credible_intervals import posterior_samples
+from vtbook.paths import walks
 from vtbook.plots import COLOURS, BookFigure, figure_html, look
-from vtbook.walks import walks
 from vtlab.envs.maze import Mazes
 from vtlab.envs.maze.draw import draw_maze
 from vtlab.experiment import Experiment

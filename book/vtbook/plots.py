@@ -27,7 +27,7 @@ from PIL import Image
 from xarray import Dataset
 
 from vtbook.costs import steps_to_solve
-from vtbook.phones import narrow, panels_of
+from vtbook.narrow_figures import narrow, panels_of
 from vtbook.published import PublishedCurve
 from vtlib.stats import mean_interval
 

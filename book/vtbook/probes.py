@@ -9,7 +9,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from vtbook.coverage import inside, posterior_samples, values_at
+from vtbook.credible_intervals import inside, posterior_samples, values_at
 from vtlab.envs.rooms.plan import plan_rooms
 from vtlab.envs.rooms.tasks import SIDE, Rooms
 from vtlab.experiment import Experiment

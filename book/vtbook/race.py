@@ -10,7 +10,7 @@ import numpy as np
 from attrs import evolve
 
 from vtbook import visits
-from vtbook.panels import panel
+from vtbook.browser_panel import panel
 from vtbook.plots import COLOURS
 from vtlab.envs.rooms.tasks import DOOR_WIDTH, GOAL_RADIUS, SIDE, Rooms
 from vtlab.experiment import Experiment

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from xarray import Dataset
 
+from vtbook.browser_panel import panel, static
 from vtbook.experiments.rooms import NT, NT_GREEDY, PUBLISHED_GVT, PUBLISHED_MGVT
-from vtbook.panels import panel, static
 from vtbook.plots import COLOURS
 from vtbook.published import PublishedCurve
 from vtlab.experiment import Experiment

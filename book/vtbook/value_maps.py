@@ -14,9 +14,9 @@ from matplotlib.image import AxesImage
 from matplotlib.patheffects import withStroke
 from torch import Tensor
 
-from vtbook.pauses import pauses
+from vtbook.checkpoints import pauses
+from vtbook.paths import walks
 from vtbook.plots import BookFigure, figure_html, look
-from vtbook.walks import walks
 from vtlab.envs.base import Plane, TaskFamily
 from vtlab.experiment import Experiment
 from vtlab.run import prepare, prepare_natively

@@ -6,7 +6,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from vtbook.coverage import posterior_samples
+from vtbook.credible_intervals import posterior_samples
 from vtlab.evaluation import Evaluation
 from vtlab.experiment import Experiment
 from vtlab.run import chosen_sources, prepare, targets

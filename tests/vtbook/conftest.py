@@ -9,7 +9,7 @@ def cells_of(cells_of):
 
     def without_runs(name):
         with pytest.MonkeyPatch.context() as patch:
-            for run in ("vtlib.algorithm1.algorithm1", "vtbook.pauses.pauses"):
+            for run in ("vtlib.algorithm1.algorithm1", "vtbook.checkpoints.pauses"):
                 patch.setattr(run, lambda *_: ())
             return cells_of(name)
 

@@ -9,8 +9,8 @@ import pytest
 import torch
 from attrs import evolve
 
-from vtbook.coverage import LEVELS, values_at
-from vtbook.pauses import pauses
+from vtbook.checkpoints import pauses
+from vtbook.credible_intervals import LEVELS, values_at
 from vtbook.probes import CoverageProbe, StabilityProbe
 from vtlab.envs.rooms import RoomsFamily, plan
 from vtlab.experiment import Pool

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from vtbook import race, visits
+from vtbook.checkpoints import pauses
 from vtbook.experiments.rooms import ROOMS_EVALUATION
-from vtbook.pauses import pauses
 from vtlab.run import prepare, targets
 from vtlab.store import weights
 

@@ -16,9 +16,9 @@ import pytest
 from matplotlib.image import imread
 
 from vtbook import published, trainer
+from vtbook.browser_panel import STATIC, static
+from vtbook.checkpoints import pauses
 from vtbook.experiments.rooms import ROOMS_EVALUATION, ROOMS_EXPLORATION, ROOMS_LIKELIHOOD
-from vtbook.panels import STATIC, static
-from vtbook.pauses import pauses
 from vtlab.native.build import PAGE, compile_page
 from vtlab.native.runs import LANES, MOST_COMPONENTS, MOST_SOURCES, NO_CLIP
 from vtlab.permutation import same_distribution_p

@@ -11,7 +11,7 @@ from vtbook.experiments.protocols import (
     fine_tuning,
     mixture_one_at_a_time,
 )
-from vtbook.stopping import StoppingMazeFamily
+from vtbook.stopping_mazes import StoppingMazeFamily
 from vtlab.envs.maze import MazeFamily
 from vtlab.experiment import Experiment, Pool
 from vtlib.baselines import DDQNSettings, MellowTDSettings

@@ -3,7 +3,7 @@
 import numpy as np
 import torch
 
-from vtbook.walks import walks
+from vtbook.paths import walks
 from vtlab.envs import Cartpole
 
 POLES = Cartpole.of(3, cart_mass=1.0, pole_mass=0.1, half_length=[0.3, 0.5, 1.0])

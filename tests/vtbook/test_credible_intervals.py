@@ -5,7 +5,7 @@ from statistics import NormalDist
 import numpy as np
 import torch
 
-from vtbook.coverage import LEVELS, inside, posterior_samples, values_at
+from vtbook.credible_intervals import LEVELS, inside, posterior_samples, values_at
 from vtlib.qfunctions import MLP
 
 Q, PAIRS = MLP((1, 2)), 2000  # whose values at zero are its biases, the last two weights

@@ -10,9 +10,9 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 
 from vtbook.claims import Claim
-from vtbook.judged.control import cartpole, mountain_car
-from vtbook.judged.mazes import OTHER_MAZES, mazes
-from vtbook.judged.rooms import (
+from vtbook.verdicts.control import cartpole, mountain_car
+from vtbook.verdicts.mazes import OTHER_MAZES, mazes
+from vtbook.verdicts.rooms import (
     rooms_distribution_change,
     rooms_evaluation,
     rooms_exploration,

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from vtbook.stopping import StoppingMazeFamily, StoppingMazes
+from vtbook.stopping_mazes import StoppingMazeFamily, StoppingMazes
 from vtlab.envs.maze import MazeFamily, Mazes
 from vtlab.envs.maze.geometry import BORDER, SIDE
 

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from vtbook import judged
+from vtbook import verdicts
 from vtbook.claims import NOT, Runs
 from vtbook.experiments.grids import count_name
 from vtbook.experiments.rooms import ROOMS_SOURCES
@@ -14,9 +14,9 @@ from vtlab.store import returns
 BOOK = Path(__file__).parents[2] / "book"
 
 
-@pytest.mark.parametrize("page", judged.PAGES)
+@pytest.mark.parametrize("page", verdicts.PAGES)
 def test_every_claim_can_be_told_once_and_the_published_curves_keep_it(page):
-    claims = judged.PAGES[page]()
+    claims = verdicts.PAGES[page]()
     assert len({(one.text, one.number) for one in claims}) == len(claims) > 0
     assert f"judged.{page}()" in (BOOK / f"{page}.md").read_text(encoding="utf-8")
     for one in claims:
@@ -31,7 +31,7 @@ def test_every_claim_can_be_told_once_and_the_published_curves_keep_it(page):
 
 
 def test_the_number_of_sources_is_judged_by_the_runs_of_each_protocol():
-    claim = judged.rooms_number_of_sources()[0]
+    claim = verdicts.rooms_number_of_sources()[0]
     for protocol, experiment in ROOMS_SOURCES._asdict().items():
         pair = [Runs(returns(experiment, count_name(x, 2))) for x in ("GVT", "1-MGVT")]
-        assert claim.found[protocol] == Runs.ratio(*pair, judged.rooms.SOURCES_AT[0])
+        assert claim.found[protocol] == Runs.ratio(*pair, verdicts.rooms.SOURCES_AT[0])

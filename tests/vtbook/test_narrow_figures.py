@@ -4,7 +4,7 @@ import itertools
 
 from matplotlib.text import Text
 
-from vtbook.phones import SMALLEST, WIDTH, narrow
+from vtbook.narrow_figures import SMALLEST, WIDTH, narrow
 from vtbook.plots import BookFigure, look
 
 
