@@ -97,7 +97,7 @@ def test_a_notebook_runs_without_the_book(built, tmp_path):
 def test_what_a_page_folds_is_folded_and_has_no_output_to_be_read(built):
     cells = read(built("rooms_evaluation")).cells
     code = [x for x in cells if x.cell_type == "code"]
-    numbers, settings = (next(x for x in code if y in x.source) for y in ("say(", "settings("))
+    numbers, settings = (next(x for x in code if y in x.source) for y in ("say(", "page.settings("))
     assert "jupyter" not in code[0].metadata
     assert numbers.metadata["jupyter"] == {"source_hidden": True}
     assert numbers.outputs == []
