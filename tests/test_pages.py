@@ -74,7 +74,8 @@ HIDDEN = """() => {
   };
   const clipped = one => {
     const { overflowX, overflowY } = getComputedStyle(one);
-    return one.innerText?.trim() && !one.closest('.math')  // which holds a copy to be spoken
+    // a formula holds a copy to be spoken, and a box that is folded hides its text on purpose
+    return one.innerText?.trim() && !one.closest('.math, .toggle-hidden')
       && (cuts(overflowX) && one.scrollWidth > one.clientWidth + 1
         || cuts(overflowY) && one.scrollHeight > one.clientHeight + 1);
   };
