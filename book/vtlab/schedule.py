@@ -108,7 +108,7 @@ def _compute_all(
                 arrays, note = future.result()
                 _check_versions(note)
                 keep(unit, arrays, note, root)
-                bar.update(seconds[unit.part])
+                bar.update(min(seconds[unit.part], bar.total - bar.n))  # sums are rounded
 
 
 def _check_versions(note: store.Note) -> None:
