@@ -18,7 +18,7 @@ BOOK = Path(__file__).parents[2] / "book"
 def test_every_claim_can_be_told_once_and_the_published_curves_keep_it(page):
     claims = verdicts.PAGES[page]()
     assert len({(one.text, one.number) for one in claims}) == len(claims) > 0
-    assert f"judged.{page}()" in (BOOK / f"{page}.md").read_text(encoding="utf-8")
+    assert f"verdicts.{page}()" in (BOOK / f"{page}.md").read_text(encoding="utf-8")
     for one in claims:
         assert "published" in one.found
         assert one.low < one.high
