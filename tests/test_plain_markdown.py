@@ -67,9 +67,14 @@ def test_what_the_pages_use_reads_as_in_the_book(plain, myst, markdown):
 
 def test_boxes_hold_boxes_and_equations(plain):
     box = "::::{admonition} Inner\n\n$$\nx\n$$ (eq-5-2)\n::::"
-    inner = "> > **Inner**\n> >\n> > $$\n> > x\n> > \\tag{5.2}\n> > $$"
+    inner = "> > **Inner**\n> >\n> > $$ x \\tag{5.2} $$"
     text = f":::::{{admonition}} Outer\n\n{box}\n\nend\n:::::"
     assert plain(text) == f"> **Outer**\n>\n{inner}\n>\n> end"
+
+
+def test_no_line_of_a_box_ends_within_a_formula(plain):
+    text = ":::{admonition} One\n\nwhere $a +\nb$ and\n\n$$\nx\n= y\n$$\n:::"
+    assert plain(text) == "> **One**\n>\n> where $a + b$ and\n>\n> $$ x = y $$"
 
 
 def test_a_directive_that_is_not_known_is_an_error(plain):

@@ -157,7 +157,8 @@ def code_cells(cell: NotebookNode, filled: Filling) -> Iterator[NotebookNode]:
     cell.outputs = [] if "remove-output" in tags else shown_outputs(cell)
     if tags & FOLDED:
         cell.metadata["jupyter"] = {"source_hidden": True}
-    if tags & {"remove-cell", "hide-cell"}:
+    if tags & {"remove-cell", "hide-cell"} or (tags & FOLDED and not cell.outputs):
+        # numbers for the text, which has them
         cell.metadata["jupyter"] |= {"outputs_hidden": True}
     yield cell
     if figure:

@@ -17,6 +17,7 @@ TARGET = re.compile(r"^\([\w-]+\)=\n?", re.MULTILINE)
 ROLE = re.compile(r"\{([\w:]+)\}(`+)(.+?)\2", re.DOTALL)
 EQUATION = re.compile(r"^( *)\$\$ \((\S+)\)$", re.MULTILINE)
 TAG = re.compile(r"\\tag\{(eq-[\w-]+)\}")
+FORMULA = re.compile(r"(\$\$?)[^$]+\1")
 SPAN = re.compile(r"\[([^\[\]]*(?:\[[^\]]*\][^\[\]]*)*)\]\{\.in-(\d)\}", re.DOTALL)
 GAP = "&nbsp;" * 4  # by which a step of an algorithm stands to the right
 
@@ -73,7 +74,9 @@ def _directive(name: str, title: str, body: list[str], filling: Filling) -> str:
         summary = f"<details><summary>{title}</summary>"
         return f"{summary}\n\n{plain(inner, filling)}\n\n</details>"
     if name == "admonition":
-        box = f"**{title}**\n\n{plain(inner, filling)}"
+        # a formula is typeset as it stands, with the marks of a quotation that it goes over
+        text = FORMULA.sub(lambda found: " ".join(found[0].split()), plain(inner, filling))
+        box = f"**{title}**\n\n{text}"
         return "\n".join(f"> {line}".rstrip() for line in box.split("\n"))
     if name == "table":
         return f"{caption(options.get('name'), title, filling)}\n\n{plain(inner, filling)}"

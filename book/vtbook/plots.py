@@ -14,7 +14,7 @@ from typing import Any
 
 import matplotlib as mpl
 import numpy as np
-from attrs import frozen
+from attrs import evolve, frozen
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.backends.backend_svg import FigureCanvasSVG
@@ -154,6 +154,11 @@ class Curve:
     colour: str
     style: LineStyleType = "-"
 
+    def until(self, t: int) -> Curve:
+        """The curve up to an iteration."""
+        kept = self.iterations <= t
+        return evolve(self, iterations=self.iterations[kept], returns=self.returns[:, kept])
+
 
 def curve(label: str, algorithm: str, iterations: np.ndarray, returns: np.ndarray) -> Curve:
     """A curve in its algorithm's colour and line style."""
@@ -165,7 +170,9 @@ def draw_curves(ax: Axes, curves: list[Curve], optimum: float | None = None) -> 
     for one in curves:
         band = mean_interval(one.returns)
         ax.fill_between(one.iterations, band.low, band.high, color=one.colour, alpha=0.18, lw=0)
-        ax.plot(one.iterations, band.centre, color=one.colour, ls=one.style, label=one.label)
+        mark = "o" if len(one.iterations) == 1 else None  # a line needs two records
+        line = dict[str, Any](color=one.colour, ls=one.style, label=one.label, marker=mark)
+        ax.plot(one.iterations, band.centre, **line)
     if optimum is not None:
         ax.axhline(optimum, color=OPTIMUM, ls="--", lw=1.1, label="planned optimum")
     ax.set_xlabel("thousand iterations")

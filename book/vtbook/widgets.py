@@ -185,9 +185,13 @@ class LivePanel:
         return not self._halt.is_set()
 
     def _draw(self, new: Sequence[Curve] = ()) -> None:
-        """Draw the stored curves, and a new one in each panel."""
+        """Draw the stored curves, and in each panel a new one, up to where that ends."""
         stored = self._stored.items()
-        panels = {title: [*old, *new[i : i + 1]] for i, (title, old) in enumerate(stored)}
+        end = new[0].iterations[-1] if new else self._experiment.iterations
+        panels = {
+            title: [*(one.until(end) for one in old), *new[i : i + 1]]
+            for i, (title, old) in enumerate(stored)
+        }
         with look():
             limits = self._experiment.family.limits
             picture = small_png(learning_figure(panels, self._optimum, limits))

@@ -92,6 +92,7 @@ def test_a_panel_shows_what_is_stored_then_trains_and_draws_until_it_is_stopped(
     for number, call in enumerate(figures.call_args_list[1:], 1):
         for curves in call.args[0].values():
             assert [one.label for one in curves] == ["NT", "GVT", "1-MGVT, just now"]
+            assert {one.iterations[-1] for one in curves} == {100 * number}
             assert curves[-1].returns.shape == (2, number)
 
 
