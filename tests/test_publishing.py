@@ -54,7 +54,8 @@ def test_the_locks_name_every_extra_that_an_installed_package_asks_for():
         one
         for installed in importlib.metadata.distributions()
         for one in map(Requirement, installed.requires or ())
-        if one.extras and (one.marker is None or one.marker.evaluate({"extra": ""}))
+        if one.extras and one.name != "vtlib"  # which is installed in place
+        if one.marker is None or one.marker.evaluate({"extra": ""})
     ]
     assert asked
     assert not [str(one) for one in asked if not one.extras <= locked.get(one.name, set())]
