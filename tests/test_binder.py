@@ -33,5 +33,6 @@ def test_an_image_is_set_up_from_nothing(book, tmp_path):
     settings = tmp_path / ".jupyter" / "labconfig" / "default_setting_overrides.json"
     assert "Markdown Preview" in settings.read_text()
     code = "import vtlib, vtbook; print(vtlib.__file__)"
-    where = subprocess.run(["python", "-c", code], env=kept | own, capture_output=True, text=True)
+    elsewhere = {"cwd": tmp_path, "capture_output": True, "text": True}
+    where = subprocess.run(["python", "-c", code], env=kept | own, **elsewhere)
     assert where.stdout.startswith(str(checkout))
