@@ -1,6 +1,7 @@
 # The commands of this project. Needed beforehand: Python 3.11, git, make (and a network, once).
 #   make book       build the book into _build/html
 #   make test       linter and tests, which include building the book from scratch
+#   make check      linter, types and the tests of the method: minutes, for daily work
 #   make lab        open the pages as notebooks in JupyterLab (builds the book where there is none)
 #   make reproduce  compute everything again from nothing, compare, and draw the book from it
 #   make oldest     test the library with the oldest versions allowed (make newest: with the newest)
@@ -21,67 +22,83 @@ DEVICE ?=
 ONLINE ?=
 
 BIN     := $(VENV)/bin
-SET_UP  := $(VENV)/set-up-is-done
-CHECKS  := $(VENV)/checks-are-installed
-KERNELS := vtlib/native/lib/up-to-date
+PY      := $(BIN)/python -m
+# Python 3.11, or where it is not on the path the one that the environment has.
+SET_UP   = $$(command -v $(PYTHON) || echo $(BIN)/python) book/_ext/set_up.py $(VENV)
 PYFILES := vtlib tests book/vtlab book/vtbook book/_ext
 # Only pages with cells: the rest of the Markdown has no code to check.
 PAGES    = $(shell grep -l '^kernelspec:' book/*.md)
 # On a page an import may stand where it is first used, and a cell may end in a value to show.
 PAGE_RULES := --extend-ignore=E402,B018
-CPU_TORCH := https://download.pytorch.org/whl/cpu
-TORCH     := $(shell sed -n 's/^\(torch==[^ ]*\).*/\1/p' requirements.txt)
+IMPORTS    := 'from importlinter.cli import lint_imports_command as check; check()'
+METHOD     := $(wildcard $(patsubst vtlib/%.py,tests/test_%.py,$(wildcard vtlib/*.py))) tests/posteriors tests/native
 
-export PIP_DISABLE_PIP_VERSION_CHECK := 1
+# What a user has set for other work changes nothing here, and nothing is written outside this folder.
+unexport PYTHONPATH PYTHONHOME PYTHONSTARTUP MPLBACKEND MATPLOTLIBRC
+export PYTHONNOUSERSITE := 1
 export PYDEVD_DISABLE_FILE_VALIDATION := 1
+export IPYTHONDIR := $(CURDIR)/_build/home/ipython
+export MPLCONFIGDIR := $(CURDIR)/_build/home/matplotlib
+export JUPYTER_CONFIG_DIR := $(CURDIR)/_build/home/jupyter-config
+export JUPYTER_DATA_DIR := $(CURDIR)/_build/home/jupyter-data
+export JUPYTER_RUNTIME_DIR := $(CURDIR)/_build/home/jupyter-runtime
+export npm_config_cache := $(CURDIR)/_build/home/npm
 
 .DEFAULT_GOAL := help
-.PHONY: help book test pytest lint format lab reproduce oldest newest sanitize clean distclean
+.PHONY: help book test check pytest lint format lab reproduce oldest newest sanitize clean distclean
+.PHONY: set-up set-up-checks
 
 help:
 	@sed -n '/^#   make/s/^#   //p' Makefile
 
-book: $(KERNELS)
+set-up:
+	@$(SET_UP) book kernels
+
+set-up-checks:
+	@$(SET_UP) book kernels checks
+
+book: set-up
 	@echo "==> Building the book: 3 to 8 minutes the first time, seconds when little has changed."
 	@$(BIN)/python book/_ext/build.py $(if $(ONLINE),--online)
 
 # The book is built beside the other tests: one thread each, or they wait for each other.
 test: export OMP_NUM_THREADS := 1
-test: $(KERNELS) $(CHECKS)
+test: set-up-checks
 	@echo "==> Testing: 10 to 30 minutes on two cores (linter, library, book from scratch, browser)."
 	@$(MAKE) --no-print-directory -j2 lint pytest
 
-pytest: $(KERNELS) $(CHECKS)
-	@$(BIN)/python -m pytest -n logical --dist loadfile --no-loadscope-reorder
+pytest: set-up-checks
+	@$(PY) pytest -n logical --dist loadfile --no-loadscope-reorder
 
-lint: $(KERNELS) $(CHECKS)
+check: export OMP_NUM_THREADS := 1
+check: lint
+	@$(PY) pytest -q -n logical --dist loadfile $(METHOD)
+
+lint: set-up-checks
 	@echo "==> Checking style, types, imports and language: a minute the first time, then seconds."
-	@$(BIN)/ruff check $(PYFILES)
-	@$(BIN)/ruff format --check $(PYFILES)
-	@$(BIN)/mypy
-	@$(BIN)/lint-imports --no-cache --no-logo
-	@PATH="$(abspath $(BIN)):$$PATH" $(BIN)/nbqa "ruff check" $(PAGES) $(PAGE_RULES)
-	@PATH="$(abspath $(BIN)):$$PATH" $(BIN)/nbqa "ruff format --check" $(PAGES)
+	@$(PY) ruff check $(PYFILES)
+	@$(PY) ruff format --check $(PYFILES)
+	@$(PY) mypy
+	@$(BIN)/python -c $(IMPORTS) --no-cache --no-logo
+	@PATH="$(BIN):$$PATH" $(PY) nbqa "ruff check" $(PAGES) $(PAGE_RULES)
+	@PATH="$(BIN):$$PATH" $(PY) nbqa "ruff format --check" $(PAGES)
 	@$(BIN)/python book/_ext/prose.py
 
-format: $(CHECKS)
-	@$(BIN)/ruff check --fix $(PYFILES)
-	@$(BIN)/ruff format $(PYFILES)
-	@PATH="$(abspath $(BIN)):$$PATH" $(BIN)/nbqa "ruff format" $(PAGES)
+format: set-up-checks
+	@$(PY) ruff check --fix $(PYFILES)
+	@$(PY) ruff format $(PYFILES)
 
-# Settings go into the environment, not into the user's home. Pages are copies of the built ones.
-lab: export JUPYTER_CONFIG_DIR := $(abspath $(VENV))/etc/jupyter-user
-lab: export JUPYTER_DATA_DIR := $(abspath $(VENV))/share/jupyter-user
-lab: $(KERNELS)
+# Pages are copies of the built ones.
+lab: set-up
 	@ls _build/html/_sources/notebooks/* >/dev/null 2>&1 || $(MAKE) --no-print-directory book
 	@echo "==> Opening JupyterLab: a few seconds; stop it with Ctrl-C. Pages are in notebooks/."
 	@$(BIN)/python book/_ext/lab.py $(LAB_OPTIONS)
 
 # The book is drawn from the new runs when there are all of them, and even if some differ.
-reproduce: $(KERNELS)
+reproduce: set-up
 	@echo "==> Computing stored runs again from nothing: all of them take hours, see the time left."
 	@echo "    Ctrl-C is safe: the same command goes on where it was stopped."
-	@$(BIN)/python -m vtlab reproduce $(addprefix --only ,$(ONLY)) $(addprefix --runs ,$(RUNS)) \
+	@$(PY) vtlab reproduce $(addprefix --only ,$(ONLY)) $(addprefix --runs ,$(RUNS)) \
 		$(addprefix --jobs ,$(JOBS)) $(addprefix --scheduler ,$(SCHEDULER)) \
 		$(addprefix --device ,$(DEVICE)); code=$$?; \
 	if [ $$code -le 1 ] && [ -z "$(ONLY)$(RUNS)" ]; then \
@@ -89,16 +106,17 @@ reproduce: $(KERNELS)
 	fi; exit $$code
 
 # The library alone: the book's tools are pinned. What is deprecated there is no error here.
+CPU_TORCH   := https://download.pytorch.org/whl/cpu
 OF_THE_BOOK := $(addprefix tests/test_,$(addsuffix .py,assets book browser chapters notebooks pages))
 oldest newest: OTHER = _build/venv-$@
 oldest newest: export OMP_NUM_THREADS := 1
 oldest newest:
 	@echo "==> Testing the library with the $@ versions, in $(OTHER): half an hour, and up to 6 GB."
 	@test -x $(OTHER)/bin/python || $(PYTHON) -m venv $(OTHER)
-	@$(OTHER)/bin/pip install -q --retries 1 --timeout 30 --no-deps --index-url $(CPU_TORCH) \
+	@$(OTHER)/bin/python -m pip install -q --retries 1 --timeout 30 --no-deps --index-url $(CPU_TORCH) \
 		$$(grep '^torch' tests/requirements-$@.txt) 2>/dev/null || true
-	@$(OTHER)/bin/pip install -q --upgrade -r tests/requirements-$@.txt
-	@$(OTHER)/bin/pip install -q --no-deps -e . -e book
+	@$(OTHER)/bin/python -m pip install -q --upgrade -r tests/requirements-$@.txt
+	@$(OTHER)/bin/python -m pip install -q --no-deps -e . -e book
 	@$(OTHER)/bin/python -m pytest -W default $(addprefix --ignore=,$(OF_THE_BOOK))
 
 sanitize:
@@ -112,37 +130,3 @@ clean:
 
 distclean: clean
 	rm -rf $(VENV) *.egg-info
-
-# The environment. Made anew only when a pinned version or the package's metadata changes.
-$(SET_UP): requirements.txt pyproject.toml book/pyproject.toml
-	@echo "==> Setting up $(VENV) (once): about 2 minutes and 1.5 GB with a good connection."
-	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info[:2] != (3, 11))' || \
-		{ echo "Python 3.11 is needed: make PYTHON=/path/to/python3.11 book"; exit 1; }
-	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
-	@echo "--> 1 of 3: PyTorch, the build without CUDA"
-	@$(BIN)/pip install -q --retries 1 --timeout 30 --no-deps --index-url $(CPU_TORCH) $(TORCH) \
-		2>$(VENV)/torch.log || { \
-		echo "    PyTorch's own index cannot be reached: taking it from the ordinary one (larger)"; \
-		$(BIN)/pip install --progress-bar off $(TORCH) >$(VENV)/torch.log 2>&1; } || \
-		{ tail -n 20 $(VENV)/torch.log; exit 1; }
-	@echo "--> 2 of 3: everything else, at the versions and with the digests of requirements.txt"
-	@$(BIN)/pip install --progress-bar off --require-hashes -r requirements.txt \
-		>$(VENV)/install.log 2>&1 || { tail -n 20 $(VENV)/install.log; exit 1; }
-	@echo "--> 3 of 3: vtlib and the pages' package, in place"
-	@$(BIN)/pip install -q -e . -e book --no-deps --no-build-isolation
-	@$(BIN)/pip check
-	@touch $@
-
-# What only the checks need: linters, test tools, drivers of browsers.
-$(CHECKS): $(SET_UP) requirements-checks.txt
-	@echo "==> Installing what the checks need, with the digests of requirements-checks.txt"
-	@$(BIN)/pip install --progress-bar off --require-hashes -r requirements-checks.txt \
-		>$(VENV)/checks.log 2>&1 || { tail -n 20 $(VENV)/checks.log; exit 1; }
-	@touch $@
-
-# The loops in C++, compiled again when their sources change.
-NATIVE := $(wildcard vtlib/native/*.* book/vtlab/native/*.cpp book/vtlab/native/*.h) book/vtlab/native/build.py
-$(KERNELS): $(SET_UP) $(NATIVE)
-	@$(BIN)/python -m vtlib.native
-	@$(BIN)/python -m vtlab.native
-	@mkdir -p $(@D) && touch $@

@@ -17,6 +17,7 @@ import time
 from pathlib import Path
 
 from fetch_assets import AssetsUnavailable, fetch
+from set_up import alone
 
 # Not the script beside Python: in a copied environment that belongs to the one it was copied from.
 TOOL = "from jupyter_book.cli.main import main; main()"
@@ -78,7 +79,12 @@ def main() -> int:
     results = arguments.results and arguments.results.resolve()
     html = (results or ROOT) / "_build" / "html"
     begin = time.monotonic()
-    status = build(arguments.fresh, results, arguments.online)
+    try:
+        with alone(html.parent / "book.lock", "builds or tests the book"):
+            status = build(arguments.fresh, results, arguments.online)
+    except KeyboardInterrupt:
+        print("Interrupted: the same command goes on with the pages that have not run.")
+        return 130
     if status and not (html.parent / "failed").exists():
         print("The book was not built.")
     elif status:

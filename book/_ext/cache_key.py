@@ -1,20 +1,22 @@
 """Sphinx extension: a page runs again whenever something that its figures depend on has changed.
 
 jupyter-cache recognises a page by its code cells alone. Here the cache lives in a folder named by
-a hash of everything else a page reads: the libraries, the pinned versions, the stored
-runs, the published curves and the panel that pages hold a copy of.
+a hash of everything else a page reads: the libraries' sources, the pinned versions, the stored
+runs, the published curves and the panel that pages hold a copy of. Files of other kinds, which an
+editor or a compiler leaves there, change nothing.
 """
 
 from __future__ import annotations
 
 import hashlib
 import os
+import shutil
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).resolve().parents[2]
-IGNORED = {"__pycache__", ".ipynb_checkpoints"}
+READ = {".py", ".cpp", ".h", ".wasm", ".js", ".css", ".html", ".txt", ".csv", ".npz", ".json"}
 
 
 def dependencies(root: Path) -> Iterator[Path]:
@@ -27,7 +29,8 @@ def dependencies(root: Path) -> Iterator[Path]:
     names = "vtlib", "book/vtlab", "book/vtbook", "book/published", "book/results/guide"
     code = (path for name in names for path in (root / name).rglob("*"))
     for path in sorted({*code, *results.rglob("*"), *panels}):
-        if path.is_file() and not IGNORED.intersection(path.parts):
+        below = path.relative_to(root if path.is_relative_to(root) else results).parts
+        if path.suffix in READ and not any(part.startswith(".") for part in below):
             yield path
 
 
@@ -44,10 +47,21 @@ def cache_key(root: Path = ROOT) -> str:
 
 def choose_cache(app: Any, config: Any) -> None:
     """Point myst-nb at this state's folder; pages are read anew because the setting changed."""
-    config.nb_execution_cache_path = str(ROOT / "_build" / ".jupyter_cache" / cache_key())
+    caches = Path(app.outdir).parent / ".jupyter_cache"
+    config.nb_execution_cache_path = str(caches / cache_key())
+
+
+def remove_others(app: Any, error: Exception | None) -> None:
+    """Remove the caches of other states once a book of this state is there."""
+    if error is None:
+        ours = Path(app.config.nb_execution_cache_path)
+        for folder in ours.parent.iterdir():
+            if folder != ours:
+                shutil.rmtree(folder, ignore_errors=True)
 
 
 def setup(app: Any) -> dict[str, Any]:
     """Register with Sphinx, early enough for myst-nb to see the setting."""
     app.connect("config-inited", choose_cache, priority=100)
+    app.connect("build-finished", remove_others)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -1,5 +1,40 @@
 /* Small repairs that make the built pages complete without a server or a third party. */
 
+/* Where a browser blocks storage, to read it raises: the theme then remembers its mode on this page alone. */
+for (const name of ["localStorage", "sessionStorage"]) {
+  try {
+    window[name].getItem("mode");
+  } catch {
+    const kept = new Map();
+    const storage = {
+      getItem: (key) => kept.get(key) ?? null,
+      setItem: (key, value) => kept.set(key, String(value)),
+      removeItem: (key) => kept.delete(key),
+    };
+    Object.defineProperty(window, name, { value: storage });
+    Object.assign(document.documentElement.dataset, { mode: "", theme: "" });
+  }
+}
+
+/* Paper is white: what is printed from the dark theme is printed in the light one. */
+(function () {
+  const root = document.documentElement;
+  let before = null;
+  matchMedia("print").addEventListener("change", ({ matches }) => {
+    if (matches) before = root.dataset.theme;
+    root.dataset.theme = matches ? "light" : before;
+  });
+})();
+
+/* The search looks words up in plain objects, where "constructor" is always found and is no page. */
+document.addEventListener("DOMContentLoaded", () => {
+  if (typeof Search === "undefined") return;
+  const { hasOwnProperty } = Object.prototype;
+  for (const words of [Search._index?.terms, Search._index?.titleterms]) {
+    if (words) Object.setPrototypeOf(words, Object.create(null, { hasOwnProperty: { value: hasOwnProperty } }));
+  }
+});
+
 /* The sliders' script asks MathJax 2 to typeset its labels; this answers with MathJax 3. */
 (function () {
   let mathjax = window.MathJax;

@@ -7,6 +7,7 @@ import sys
 import pytest
 
 from vtlib import native
+from vtlib.native import build
 
 
 def test_on_systems_for_which_none_are_compiled_there_are_no_kernels(monkeypatch):
@@ -24,3 +25,14 @@ def test_without_a_compiler_one_line_says_what_follows(tmp_path, what):
     assert line.startswith("the page's kernel cannot be" if page else "the kernels cannot be")
     assert line.endswith("; torch computes instead") == (not page)
     assert done.returncode == page
+
+
+def test_what_does_not_compile_is_named_and_no_library_of_older_sources_stands_for_it(tmp_path):
+    source = tmp_path / "kernel.cpp"
+    source.write_text("extern int one;\n")
+    before = build.library(source, "baseline")
+    assert before == build.library(source, "baseline")
+    source.write_text("#error not yet\n")
+    assert build.library(source, "baseline") != before
+    with pytest.raises(RuntimeError, match=r"kernel\.cpp:1:2: error: not yet"):
+        build.compile_library(source)

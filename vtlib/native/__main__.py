@@ -1,8 +1,10 @@
 """python -m vtlib.native: compile the kernels, or say why torch will compute instead."""
 
+import sys
+
 from vtlib.native.build import POSTERIOR, compile_library
 
 try:
     print(f"compiled: {', '.join(path.name for path in compile_library(POSTERIOR))}")
 except RuntimeError as error:
-    print(f"{error}; torch computes instead")
+    sys.exit(f"{error}; torch computes instead")

@@ -1,6 +1,8 @@
 """Compiles C++ with Zig's compiler, which is a Python package: no system tools."""
 
+import hashlib
 import importlib.util
+import os
 import platform
 import subprocess
 import sys
@@ -11,7 +13,7 @@ from pathlib import Path
 HERE = Path(__file__).resolve().parent
 POSTERIOR = HERE / "posterior.cpp"
 # No fast-math: NaN has to reach the check for diverged runs, and positions round as in torch.
-FLAGS = ("-O3", "-ffp-contract=on", "-fno-math-errno", "-fno-exceptions", "-fno-rtti", f"-I{HERE}")
+FLAGS = ("-O3", "-ffp-contract=on", "-fno-math-errno", "-fno-exceptions", "-fno-rtti")
 # Clang would split wide registers, which slowed the first processors that had them.
 WIDE = {"x86_64_v4": ("-mprefer-vector-width=512",)}
 # What to compile for, best first, and what processors have that can run it, as torch calls it.
@@ -21,9 +23,21 @@ SYSTEMS = {"Linux": ("linux-gnu", "so"), "Darwin": ("macos", "dylib")}
 
 
 def library(source: Path, level: str) -> Path:
-    """Where a source's library for processors of a level is, or will be; nowhere elsewhere."""
+    """Where a source's library for processors of a level is, or will be.
+
+    Its name has a digest of what it is made of, so that a library of older sources is never loaded.
+    """
     _, suffix = SYSTEMS.get(platform.system(), ("", ""))
-    return source.parent / "lib" / f"{source.stem}-{level}.{suffix}"
+    return source.parent / "lib" / f"{source.stem}-{level}-{digest(source)}.{suffix}"
+
+
+def digest(source: Path) -> str:
+    """Twelve hexadecimal digits for the C++ beside a source, and this folder's, and the flags."""
+    folders = sorted({HERE, source.parent})
+    files = [path for folder in folders for path in sorted(folder.iterdir())]
+    files = [path for path in files if path.suffix in (".cpp", ".h")]
+    content = b"".join(path.name.encode() + path.read_bytes() for path in files)
+    return hashlib.sha256(repr((FLAGS, WIDE)).encode() + content).hexdigest()[:12]
 
 
 def compile_library(source: Path) -> list[Path]:
@@ -36,14 +50,23 @@ def compile_library(source: Path) -> list[Path]:
         system, machine = SYSTEMS[platform.system()][0], platform.machine()
         cpu = {"AMD64": "x86_64", "arm64": "aarch64"}.get(machine, machine)
         levels = tuple(LEVELS) if cpu == "x86_64" else ("baseline",)
-        return [
-            compile_source(
-                source, library(source, level), f"{cpu}-{system}", level, ["-shared", "-fPIC"]
-            )
-            for level in levels
-        ]
+        target, flags = f"{cpu}-{system}", ["-shared", "-fPIC"]
+        made = [library(source, level) for level in levels]
+        for level, path in zip(levels, made, strict=True):
+            if not path.exists():
+                compile_source(source, path, target, level, flags)
     except (KeyError, OSError, subprocess.SubprocessError) as error:
-        raise RuntimeError(f"the kernels cannot be compiled here: {error}") from error
+        reason = last_error(error)
+        raise RuntimeError(f"the kernels cannot be compiled here: {reason}") from error
+    for path in set(made[0].parent.glob(f"{source.stem}-*")).difference(made):
+        path.unlink(missing_ok=True)  # of older sources
+    return made
+
+
+def last_error(error: Exception) -> str:
+    """The last error that a compiler has named, or else what went wrong in starting it."""
+    lines = str(getattr(error, "stderr", None) or error).strip().splitlines()
+    return ([line for line in lines if "error:" in line] or lines or [repr(error)])[-1]
 
 
 def compile_source(
@@ -51,10 +74,13 @@ def compile_source(
 ) -> Path:
     """Compile a source for a target and a processor; what a failing compiler raises, it raises."""
     out.parent.mkdir(exist_ok=True)
+    # The compiler keeps its cache here, because a home may be missing or not be writable.
+    caches = {f"ZIG_{part}_CACHE_DIR": str(HERE / "lib" / ".cache") for part in ("LOCAL", "GLOBAL")}
     with tempfile.TemporaryDirectory(dir=out.parent) as folder:
         new = Path(folder) / out.name
         command = [sys.executable, "-m", "ziglang", "c++", "-target", target, f"-mcpu={cpu}"]
-        command += [*FLAGS, *WIDE.get(cpu, ()), *flags, "-o", str(new), str(source)]
-        subprocess.run(command, check=True, capture_output=True, text=True, timeout=300)
+        command += [*FLAGS, f"-I{HERE}", *WIDE.get(cpu, ()), *flags, "-o", str(new), str(source)]
+        how = {"env": os.environ | caches, "timeout": 300}
+        subprocess.run(command, check=True, capture_output=True, text=True, **how)
         new.replace(out)  # at once: a process that loads it meanwhile has the old one or the new
     return out

@@ -13,6 +13,4 @@ try:
     made = [compile_page()] if page else compile_library(RUNS)
     print(f"compiled: {', '.join(path.name for path in made)}")
 except RuntimeError as error:
-    if page:
-        sys.exit(str(error))
-    print(f"{error}; torch computes instead")
+    sys.exit(f"{error}{'' if page else '; torch computes instead'}")
