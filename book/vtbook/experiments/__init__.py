@@ -1,11 +1,20 @@
 """The book's experiments: a frozen configuration per figure, offered to the command line."""
 
-from vtbook.experiments import cartpole, compared, factorial, maze, mountain_car, recommended, rooms
+from vtbook.experiments import (
+    cartpole,
+    compared,
+    controls,
+    factorial,
+    maze,
+    mountain_car,
+    recommended,
+    rooms,
+)
 from vtlab.experiment import Experiment
 
 __all__ = ["EXPERIMENTS", "POOLS", "THESIS"]
 
-PAGES = (rooms, cartpole, mountain_car, maze, compared, factorial, recommended)
+PAGES = (rooms, cartpole, mountain_car, maze, controls, compared, factorial, recommended)
 EXPERIMENTS: dict[str, Experiment] = {e.name: e for page in PAGES for e in page.EXPERIMENTS}
 POOLS = {e.pool.name: e.pool for e in EXPERIMENTS.values()}
 FIGURES = (

@@ -1,0 +1,74 @@
+"""What the posterior buys: transfer with one part after another taken away, paired run by run.
+
+A point that starts at the sources' mean is the start alone; the weight of the prior on its mean comes
+to it, then the fixed spread of the samples, and then a covariance that is learned, which is the
+method as published. Tasks, sources and random numbers are those of the pages, continued to more
+runs; what is compared is the learning return over the whole course.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from attrs import evolve
+
+from vtbook.experiments.cartpole import CARTPOLE
+from vtbook.experiments.maze import MAIN, MAZE_TARGETS
+from vtbook.experiments.mountain_car import CAR
+from vtbook.experiments.protocols import FROM_MEAN, transfer_settings
+from vtbook.experiments.rooms import ROOMS_CHANGE, ROOMS_EVALUATION, ROOMS_LIKELIHOOD
+from vtlab.experiment import Algorithm, Experiment
+
+POINT = 1e-4  # deviation of the samples that stand for a point
+FROZEN = 1e-20  # steps on L that float32 cannot tell from none
+#: What is added from each label to the next, in the order of the figure.
+STEPS = {
+    "start": "1-MGVT, start alone",
+    "weight of the prior": "1-MGVT, point",
+    "spread of the samples": "1-MGVT, frozen",
+    "learned covariance": "1-MGVT",
+}
+
+
+def variants(experiment: Experiment) -> dict[str, Algorithm]:
+    """1-MGVT and GVT of an experiment, without their parts; and fine-tuning of the mean."""
+    mixture, gaussian = (transfer_settings(experiment, label) for label in ("1-MGVT", "GVT"))
+    # The weight of the prior on the mean is lambda / sigma^2: the same for the point.
+    share = POINT**2 / mixture.sigma_p2
+    point = evolve(mixture, sigma_p2=POINT**2, lambda_=mixture.lambda_ * share, alpha_L=FROZEN)
+    return {
+        "1-MGVT": mixture,
+        "1-MGVT, frozen": evolve(mixture, alpha_L=FROZEN),
+        "1-MGVT, point": point,
+        "1-MGVT, point of 1 sample": evolve(point, n_samples=1),
+        "1-MGVT, start alone": evolve(point, lambda_=0.0),
+        "1-MGVT, lambda 0": evolve(mixture, lambda_=0.0),
+        "GVT": gaussian,
+        "GVT, frozen": evolve(gaussian, alpha_L=FROZEN),
+        "GVT, lambda 0": evolve(gaussian, lambda_=0.0),
+        FROM_MEAN: experiment.algorithms[FROM_MEAN],
+    }
+
+
+def control(experiment: Experiment, runs: int, iterations: int, **fields: Any) -> Experiment:
+    """The controls of a page's experiment, on its own streams of random numbers."""
+    return evolve(
+        experiment,
+        name=f"{experiment.name}-controls",
+        algorithms=variants(experiment),
+        runs=runs,
+        iterations=iterations,
+        **fields,
+    )
+
+
+# By page: as many runs as decide there, at the length within which methods differ.
+CONTROLS = {
+    "rooms_evaluation": control(ROOMS_EVALUATION.published, 120, 5_000),
+    "rooms_distribution_change": control(ROOMS_CHANGE.published, 120, 5_000),
+    "rooms_likelihood": control(ROOMS_LIKELIHOOD.published, 190, 4_000, runs_per_task=10),
+    "cartpole": control(CARTPOLE.published, 100, 3_000),
+    "mountain_car": control(CAR.published, 40, 10_000),
+    "mazes": control(MAZE_TARGETS[MAIN].published, 10, 10_000),
+}
+EXPERIMENTS = tuple(CONTROLS.values())
