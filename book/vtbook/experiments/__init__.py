@@ -7,6 +7,7 @@ from vtbook.experiments import (
     factorial,
     maze,
     mountain_car,
+    prior_weight,
     recommended,
     rooms,
 )
@@ -14,7 +15,17 @@ from vtlab.experiment import Experiment
 
 __all__ = ["EXPERIMENTS", "POOLS", "THESIS"]
 
-PAGES = (rooms, cartpole, mountain_car, maze, controls, compared, factorial, recommended)
+PAGES = (
+    rooms,
+    cartpole,
+    mountain_car,
+    maze,
+    controls,
+    prior_weight,
+    compared,
+    factorial,
+    recommended,
+)
 EXPERIMENTS: dict[str, Experiment] = {e.name: e for page in PAGES for e in page.EXPERIMENTS}
 POOLS = {e.pool.name: e.pool for e in EXPERIMENTS.values()}
 FIGURES = (

@@ -1,9 +1,9 @@
 """What the posterior buys: transfer with one part after another taken away, paired run by run.
 
-A point that starts at the sources' mean is the start alone; the weight of the prior on its mean comes
-to it, then the fixed spread of the samples, and then a covariance that is learned, which is the
-method as published. Tasks, sources and random numbers are those of the pages, continued to more
-runs; what is compared is the learning return over the whole course.
+A point that starts at the sources' mean is the start alone. The weight of the prior on its mean
+is added to it, then the fixed spread of the samples, and then a covariance that is learned, which
+is the method as published. Tasks, sources and random numbers are those of the pages, continued to
+more runs. What is compared is the learning return over the whole course.
 """
 
 from __future__ import annotations
