@@ -67,8 +67,8 @@ class RBFLinear:
         # the Gaussian and its normaliser both factor over the axes
         _check_observations(obs, 2)
         columns = obs.transpose(-1, -2).contiguous()
-        apart = columns.unsqueeze(-2) - self._centers.to(obs.device).unsqueeze(-1)
-        axes = apart.square_().mul_(-self._rate)
+        distance = columns.unsqueeze(-2) - self._centers.to(obs.device).unsqueeze(-1)
+        axes = distance.square_().mul_(-self._rate)
         axes = axes.sub_(axes.amax(-2, keepdim=True)).clamp_(min=FAR).exp_()
         axes = axes.div_(axes.sum(-2, keepdim=True))
         axes = torch.threshold_(axes, ROUNDING, 0.0)
@@ -152,8 +152,8 @@ class MLP:
 
 def _check_observations(obs: Tensor, size: int) -> None:
     if obs.shape[-1] != size:
-        told = f"observations must have {size} numbers for this Q-function"
-        raise ValueError(f"{told}, got {obs.shape[-1]}")
+        need = f"observations must have {size} numbers for this Q-function"
+        raise ValueError(f"{need}, got {obs.shape[-1]}")
 
 
 def _gradients(matrices: list[Tensor], passed: list[Tensor], delta: Tensor) -> list[Tensor]:
@@ -197,8 +197,8 @@ class ModuleQ:
         n_actions = int(n_actions) if isinstance(n_actions, np.int64) else n_actions
         check_whole("n_actions", n_actions)
         check_kind("module", module, nn.Module)
-        if kept := [name for name, _ in module.named_buffers()]:
-            raise ValueError(f"module must have no buffers, it has {', '.join(kept)}")
+        if buffers := [name for name, _ in module.named_buffers()]:
+            raise ValueError(f"module must have no buffers, it has {', '.join(buffers)}")
         if any(isinstance(part, nn.modules.dropout._DropoutNd) for part in module.modules()):
             raise ValueError("module must give the same values each time, it has dropout")
         self.n_actions = n_actions

@@ -78,7 +78,7 @@ class Settings:
     kl_clip: float | None = field(default=None)
     #: Whether the KL is that of the "full" L, or of its "diagonal" alone.
     kl: str = field(default="full", validator=one_of(("full", "diagonal")))
-    #: Responsibilities of the sources: the "exact" ones, or "equal" for all.
+    #: Responsibilities of the sources, the "exact" ones or "equal" for all.
     responsibilities: str = field(default="exact", validator=one_of(("exact", "equal")))
 
     @clip.validator
