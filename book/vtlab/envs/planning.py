@@ -21,8 +21,8 @@ def around(place: Tensor, cells: Tensor) -> tuple[Tensor, Tensor]:
     place = torch.minimum(place.clamp(min=0), cells)
     first = torch.minimum(place.floor(), cells - 1)
     share = place - first
-    weight, *others = torch.stack([1 - share, share], -1)  # (B, 2) each
-    for side in others:
+    weight, *axes = torch.stack([1 - share, share], -1)  # (B, 2) each
+    for side in axes:
         weight = (weight.unsqueeze(2) * side.unsqueeze(1)).flatten(1)
     corner = torch.cartesian_prod(*[torch.arange(2)] * len(place)).T
     return first.long().unsqueeze(2) + corner.unsqueeze(1), weight
@@ -31,8 +31,8 @@ def around(place: Tensor, cells: Tensor) -> tuple[Tensor, Tensor]:
 def try_out(copies: Any, states: Tensor, noise: Tensor) -> tuple[Tensor, Tensor, Tensor]:
     """Every action from each of B states under each of K noises (K, noise_dim), noise fastest.
 
-    `copies` is one task many times: so many step together. Returns states (B A K, n), rewards and
-    terminated (B A K,).
+    `copies` is one task as often as steps are taken at once. Returns states (B A K, n), rewards
+    and terminated (B A K,).
     """
     points, chunk = len(noise), len(copies)
     every = states.repeat_interleave(points * copies.n_actions, 0).split(chunk)

@@ -4,7 +4,7 @@ import numpy as np
 from gymnasium import spaces
 
 from vtlab.envs.cartpole.tasks import ANGLE_LIMIT, POSITION_LIMIT, Cartpole
-from vtlab.envs.gym import TasksEnv, env_metadata
+from vtlab.envs.gym import TasksEnv
 
 
 class CartpoleEnv(TasksEnv):
@@ -51,12 +51,11 @@ class CartpoleEnv(TasksEnv):
     ## Arguments
     - `cart_mass`, `pole_mass`: in kg. Default 1 and 0.1.
     - `half_length`: from the pivot to the pole's centre of mass, in m. Default 0.5.
-    - `horizon`: steps of a truncated episode. Default 100; Gymnasium's `make` needs
-      `max_episode_steps` beside it for more.
+    - `horizon`: steps of a truncated episode. Default 100.
     - `render_mode`: None or "rgb_array".
     """
 
-    metadata = env_metadata(50)
+    metadata = TasksEnv.metadata | {"render_fps": 50}
     drawing = "vtlab.envs.cartpole.draw:draw_cartpole"
     picture_size = (600, 300)
 

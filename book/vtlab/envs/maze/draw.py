@@ -37,8 +37,8 @@ def draw_maze(ax: Axes, tasks: Mazes, index: int = 0, state: ArrayLike | None = 
 
 
 def _draw_rays(ax: Axes, tasks: Mazes, index: int, pose: np.ndarray) -> None:
-    seen = tasks.select([index]).observe(torch.from_numpy(pose[None]))[0].numpy()
-    distance, flag = seen[4 : 4 + SENSORS], seen[4 + SENSORS :]
+    obs = tasks.select([index]).observe(torch.from_numpy(pose[None]))[0].numpy()
+    distance, flag = obs[4 : 4 + SENSORS], obs[4 + SENSORS :]
     for angle, length, goal in zip(pose[2] + ANGLES, distance, flag, strict=True):
         end = pose[:2] + length * np.array([np.cos(angle), np.sin(angle)])
         color = FLAG if goal else INK

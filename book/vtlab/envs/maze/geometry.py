@@ -83,12 +83,12 @@ def look(
     aside = np.floor(distance * direction[::-1] + position[::-1, None])
     start = cell * _STRIDE + ground.origin
     beyond = start[:, None] + sign * _STRIDE[:, None] * (1 + _LINES)
-    found = ground.at(beyond + aside * _STRIDE[::-1, None])
-    wall = np.maximum(distance, found).min((0, 1)).clip(max=REACH)
-    goal = np.maximum(distance, GOAL - found).min((0, 1))
+    contents = ground.at(beyond + aside * _STRIDE[::-1, None])
+    wall = np.maximum(distance, contents).min((0, 1)).clip(max=REACH)
+    goal = np.maximum(distance, GOAL - contents).min((0, 1))
     # A robot in the goal's cell meets it at once.
-    own = GOAL - ground.at(start[0] + cell[1])
-    return wall, np.minimum(goal, own) < wall
+    here = GOAL - ground.at(start[0] + cell[1])
+    return wall, np.minimum(goal, here) < wall
 
 
 def advance(ground: Ground, position: np.ndarray, move: np.ndarray) -> np.ndarray:
@@ -107,10 +107,10 @@ def advance(ground: Ground, position: np.ndarray, move: np.ndarray) -> np.ndarra
     line = cell + 0.5 + (0.5 - CLEARANCE) * sign
     with np.errstate(divide="ignore", invalid="ignore"):
         share = np.fmax(np.fmin((line - position) / move, FREE), 0.0)
-    # There two cells have to be free, should the robot be at the edge between them.
+    # Two cells have to be free there where the robot is at the edge between them.
     aside = np.floor(position[::-1] + share * move[::-1] + _EDGES)
     beyond = (cell + sign) * _STRIDE + ground.origin
-    found = ground.at(beyond + aside * _STRIDE[::-1]).min(0)
-    first = np.maximum(share, found).min(0)
+    contents = ground.at(beyond + aside * _STRIDE[::-1]).min(0)
+    first = np.maximum(share, contents).min(0)
     end: np.ndarray = position + (first - BACK_OFF).clip(0.0, 1.0) * move
     return end

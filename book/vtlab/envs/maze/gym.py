@@ -3,7 +3,7 @@
 import numpy as np
 from gymnasium import spaces
 
-from vtlab.envs.gym import TasksEnv, env_metadata
+from vtlab.envs.gym import TasksEnv
 from vtlab.envs.maze.geometry import REACH, SIDE
 from vtlab.envs.maze.library import Maze
 from vtlab.envs.maze.tasks import SENSORS, Mazes
@@ -53,12 +53,11 @@ class MazeEnv(TasksEnv):
 
     ## Arguments
     - `maze`: a name in the library, or what `vtlab.envs.parse_maze` reads. Default "north-east 0".
-    - `horizon`: steps of a truncated episode. Default 100; Gymnasium's `make` needs
-      `max_episode_steps` beside it for more.
+    - `horizon`: steps of a truncated episode. Default 100.
     - `render_mode`: None or "rgb_array".
     """
 
-    metadata = env_metadata(10)
+    metadata = TasksEnv.metadata | {"render_fps": 10}
     drawing = "vtlab.envs.maze.draw:draw_maze"
 
     def __init__(

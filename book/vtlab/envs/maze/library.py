@@ -51,9 +51,9 @@ def load_mazes(path: Path | str) -> dict[str, Maze]:
         lines = Path(path).read_text(encoding="utf-8").splitlines()
     except UnicodeDecodeError as error:
         raise ValueError(f"{file}: it is not text in UTF-8 ({error.reason})") from None
-    kept = "\n".join(line.strip() for line in lines if not line.lstrip().startswith(COMMENT))
+    text = "\n".join(line.strip() for line in lines if not line.lstrip().startswith(COMMENT))
     mazes: dict[str, Maze] = {}
-    for block in filter(None, (block.strip() for block in kept.split("\n\n"))):
+    for block in filter(None, (block.strip() for block in text.split("\n\n"))):
         name, _, rows = block.partition("\n")
         if set(name) <= {WALL, FREE, GOAL}:
             raise ValueError(f"{file}: the maze that begins with {name} has no name")

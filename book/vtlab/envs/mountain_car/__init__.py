@@ -8,7 +8,7 @@ from torch import Tensor
 from vtlab.envs.base import Plane, TaskFamily
 from vtlab.envs.mountain_car.plan import earned
 from vtlab.envs.mountain_car.tasks import GOAL, MAX_SPEED, POSITIONS, MountainCar
-from vtlib.checks import between, check_whole
+from vtlib.checks import between
 from vtlib.qfunctions import MLP
 
 __all__ = ["MountainCar", "MountainCarFamily"]
@@ -45,7 +45,6 @@ class MountainCarFamily(TaskFamily):
 
     def sample(self, rng: np.random.Generator, count: int) -> MountainCar:
         """Draw `count` tasks, independent and alike. Raises ValueError when count < 1."""
-        check_whole("count", count)
         tasks = MountainCar.of(count, speed=rng.uniform(0.001, 0.0015, count))
         return evolve(tasks, last_reward=self.last_reward)
 

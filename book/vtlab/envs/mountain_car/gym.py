@@ -3,7 +3,7 @@
 import numpy as np
 from gymnasium import spaces
 
-from vtlab.envs.gym import TasksEnv, env_metadata
+from vtlab.envs.gym import TasksEnv
 from vtlab.envs.mountain_car.tasks import MAX_SPEED, POSITIONS, MountainCar
 
 
@@ -42,12 +42,11 @@ class MountainCarEnv(TasksEnv):
 
     ## Arguments
     - `speed`: velocity that an action adds, in length per step. Default 0.001.
-    - `horizon`: steps of a truncated episode. Default 200; Gymnasium's `make` needs
-      `max_episode_steps` beside it for more.
+    - `horizon`: steps of a truncated episode. Default 200.
     - `render_mode`: None or "rgb_array".
     """
 
-    metadata = env_metadata(30)
+    metadata = TasksEnv.metadata | {"render_fps": 30}
     drawing = "vtlab.envs.mountain_car.draw:draw_mountain_car"
     picture_size = (600, 400)
 

@@ -40,11 +40,7 @@ class MountainCar(ParameterBatch):
         return torch.cat([-0.9 + 0.9 * u, torch.zeros_like(u)], 1)
 
     def step(self, state: Tensor, action: Tensor, noise: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        """Drive every car once: next state (R, 2), reward (R,) float32, terminated (R,) bool.
-
-        `action` (R,) int64 is 0 for left, 1 for none and 2 for right, `noise` is (R, 0). The reward
-        is -1, or `last_reward` at the goal. Raises ValueError when a shape is another one.
-        """
+        """Drive every car once; `action` is 0 for left, 1 for none and 2 for right."""
         self._check_step(state, action, noise)
         position, velocity = state.unbind(1)
         velocity = velocity + ((action - 1) * self.speed - GRAVITY * (3 * position).cos())

@@ -6,7 +6,7 @@ import numpy as np
 from gymnasium import spaces
 
 from vtlab.envs.base import float_array
-from vtlab.envs.gym import TasksEnv, env_metadata
+from vtlab.envs.gym import TasksEnv
 from vtlab.envs.rooms.tasks import SIDE, Rooms
 
 
@@ -43,12 +43,11 @@ class RoomsEnv(TasksEnv):
     ## Arguments
     - `doors`: their centres, in [0.5, 9.5], lowest wall first. Default (5, 5), for three rooms.
     - `uniform_start`: start anywhere in the square. Default False.
-    - `horizon`: steps of a truncated episode. Default 50; Gymnasium's `make` needs
-      `max_episode_steps` beside it for more.
+    - `horizon`: steps of a truncated episode. Default 50.
     - `render_mode`: None or "rgb_array".
     """
 
-    metadata = env_metadata(5)
+    metadata = TasksEnv.metadata | {"render_fps": 5}
     drawing = "vtlab.envs.rooms.draw:draw_rooms"
 
     def __init__(
