@@ -99,10 +99,8 @@ def run_batch(
     names = [f"run {run} of {experiment.name}, {label}" for run in runs]
     arguments = experiment.iterations, experiment.every, names, progress
     records: dict[str, np.ndarray] = {}
-    native = None
-    if device == "cpu" and by_kernels(experiment, label):
-        native = prepare_natively(experiment, label, runs, weights)
-    if native is not None:
+    natively = device == "cpu" and by_kernels(experiment, label)
+    if natively and (native := prepare_natively(experiment, label, runs, weights)):
         curves = train_natively(native, _evaluation(experiment, runs), *arguments, threads)
     else:
         batch, probe = prepare(experiment, label, runs, weights, device), None

@@ -123,7 +123,6 @@ def remove(path: Path) -> None:
 
 def same_arrays(a: Arrays, b: Arrays) -> bool:
     """Whether two results hold the same arrays, bit for bit."""
-
     first, second = (
         {key: (x.dtype.str, x.shape, x.tobytes()) for key, x in arrays.items()} for arrays in (a, b)
     )

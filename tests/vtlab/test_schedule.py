@@ -34,10 +34,8 @@ def test_units_are_batches_of_runs_and_halves_of_small_pools(tiny):
 def test_complete_stores_every_result_with_its_provenance(tiny, stored):
     for owner, label in store.results_of(tiny):
         _, note = store.stored(owner, label, stored)
-        assert note["seconds"] >= 0
         assert 10 < note["megabytes"] < 5000
         assert note["machine"] == store.machine()
-        assert (note["owner"], note["label"]) == (owner.name, label)
     assert note["seeds"] == "SHA-256 of tiny/<run>/<role>"
     assert list(store.stored(tiny, "GVT", stored)[0]["run"]) == [0, 1, 2]
     assert sorted(p.name for p in stored.iterdir()) == ["tiny", "tiny-pool"]

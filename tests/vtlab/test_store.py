@@ -31,10 +31,9 @@ ARRAYS = {
 NOTE = {"seconds": 1.5, "config": {"algorithm": {"lambda_": 1e-6}}, "label": "λ"}
 
 
-with tempfile.TemporaryDirectory() as made:
-    store.save(Path(made, "x"), ARRAYS, NOTE)
-    store.save(Path(made, "y"), {**ARRAYS, "run": np.arange(1, 4)}, NOTE)
-    NPZ, JSON, OTHER = (Path(made, name).read_bytes() for name in ("x.npz", "x.json", "y.npz"))
+with tempfile.TemporaryDirectory() as folder:
+    store.save(Path(folder, "x"), ARRAYS, NOTE)
+    NPZ, JSON = (Path(folder, name).read_bytes() for name in ("x.npz", "x.json"))
 
 
 def read_pair(npz, note):
@@ -52,10 +51,6 @@ def assert_torn(npz, note):
     assert len(str(caught.value).splitlines()) == 1
 
 
-def files(folder):
-    return {p.name: (p.read_bytes(), p.stat().st_mtime_ns) for p in folder.iterdir()}
-
-
 def test_what_is_saved_is_read(tmp_path):
     path = tmp_path / "deep" / "down" / "1-MGVT-lambda-1e-06-psi-0.5"
     assert not store.exists(path)
@@ -63,25 +58,21 @@ def test_what_is_saved_is_read(tmp_path):
     assert store.exists(path)
     arrays, note = store.read(path)
     assert store.same_arrays(arrays, ARRAYS)
-    assert {key: note[key] for key in NOTE} == NOTE == {k: store.provenance(path)[k] for k in NOTE}
+    assert note == store.provenance(path) == NOTE | {"sha256": note["sha256"]}
     assert {p.name for p in path.parent.iterdir()} == {f"{path.name}.npz", f"{path.name}.json"}
-    assert all(p.stat().st_mode & 0o777 == 0o644 for p in path.parent.iterdir())
-    assert not store.exists(path.with_name("1-MGVT-lambda-1e-06-psi-0"))
     with np.load(f"{path}.npz", allow_pickle=False) as plain:  # readable without vtlib
         assert set(plain) == set(ARRAYS)
 
 
-@pytest.mark.parametrize(
-    "change",
-    [{"run": np.arange(3, dtype=np.int32)}, {"gaps": np.array([np.nan, np.inf, 0.0])}, {"x": NONE}],
-)
-def test_the_same_again_touches_nothing_and_another_result_is_refused(tmp_path, change):
+def test_the_same_again_touches_nothing_and_another_result_is_refused(tmp_path):
     store.save(tmp_path / "x", ARRAYS, NOTE)
-    before = files(tmp_path)
+    before = {p.name: (p.read_bytes(), p.stat().st_mtime_ns) for p in tmp_path.iterdir()}
     store.save(tmp_path / "x", {k: v.copy() for k, v in ARRAYS.items()}, {"seconds": 9.0})
-    with pytest.raises(FileExistsError, match="x holds another result: move it away"):
-        store.save(tmp_path / "x", {**ARRAYS, **change}, NOTE)
-    assert files(tmp_path) == before
+    kind, zero = np.arange(3, dtype=np.int32), np.array([np.nan, np.inf, 0.0])
+    for change in ({"run": kind}, {"gaps": zero}, {"x": NONE}):
+        with pytest.raises(FileExistsError, match="x holds another result: move it away"):
+            store.save(tmp_path / "x", {**ARRAYS, **change}, NOTE)
+    assert {p.name: (p.read_bytes(), p.stat().st_mtime_ns) for p in tmp_path.iterdir()} == before
 
 
 @PROPERTY
@@ -89,7 +80,7 @@ def test_the_same_again_touches_nothing_and_another_result_is_refused(tmp_path, 
 def test_an_npz_that_was_altered_is_torn(at, mask, more):
     flipped = bytearray(NPZ)
     flipped[at] ^= mask
-    for npz in (None, OTHER, bytes(flipped), NPZ[:at], NPZ + b"x" + more):
+    for npz in (None, bytes(flipped), NPZ[:at], NPZ + b"x" + more):
         assert_torn(npz, JSON)
 
 
@@ -106,15 +97,9 @@ def test_a_json_that_was_altered_is_torn_or_the_arrays_are_right(at, mask):
     assert store.same_arrays(arrays, ARRAYS)
 
 
-@pytest.mark.parametrize(
-    "note",
-    [b"{}", b"[]", b"null", b"1", b'"sha256"', b'{"sha256": 3}', b"\xff\xfe{", b"[" * 100_000, b""],
-)
-def test_a_json_that_is_no_provenance_is_torn(note):
-    assert_torn(NPZ, note)
-
-
-def test_a_pickle_is_refused():
+def test_a_json_that_is_no_provenance_is_torn_and_a_pickle_is_refused():
+    for note in (b"{}", b"[]", b"1", b'{"sha256": 3}', b"\xff\xfe{", b"[" * 100_000, b""):
+        assert_torn(NPZ, note)
     buffer = io.BytesIO()
     np.savez(buffer, np.array([{}], dtype=object))
     digest = hashlib.sha256(buffer.getvalue()).hexdigest()
@@ -159,7 +144,6 @@ def check(owner, config, /, **changes):
         ({"counts": {"GVT": 1}}, "sources"),
         ({"runs_per_task": 3}, "runs_per_task"),
         ({"visits": True}, "visits"),
-        ({"each": True}, "each"),
         ({"excluded": (2,)}, "excluded"),
         ({"algorithms": {"GVT": Settings("gaussian", minibatch=5)}}, "algorithm.n_samples"),
     ],
@@ -211,19 +195,19 @@ def test_a_key_that_nobody_knows_is_refused(tiny):
 
 
 def test_what_is_loaded_has_the_names_of_its_axes(tiny, computed, tmp_path):
-    found, arrays = store.returns(tiny, "GVT", computed), store.read(computed / "tiny/GVT")[0]
-    assert found.learning.dims == ("run", "iteration")
-    assert found.learning.sel(run=2, iteration=40) == arrays["learning"][2, 1]
-    assert found.optimum.sel(run=1) == store.read(computed / "tiny/tasks")[0]["optimum"][1]
-    assert found.attrs["config"]["every"] == 20
-    alike = {"inside": np.zeros((3, 2, 5)), "fingerprints": np.zeros((3, 2, 4))}
-    saved(tiny, "GVT", tmp_path, {"iterations": np.arange(2), **alike})
-    found = store.load(tiny, "GVT", tmp_path)
-    assert found.inside.dims == ("run", "iteration", "inside_2")
-    assert found.fingerprints.dims == ("run", "fingerprints_1", "fingerprints_2")
-    found, arrays = store.load(tiny.pool, "sources", computed), store.weights(tiny.pool, computed)
-    assert found.weights.dims == ("source", "weights_1")
-    np.testing.assert_array_equal(found.weights.sel(source=2), arrays[2])
+    runs, arrays = store.returns(tiny, "GVT", computed), store.read(computed / "tiny/GVT")[0]
+    assert runs.learning.dims == ("run", "iteration")
+    assert runs.learning.sel(run=2, iteration=40) == arrays["learning"][2, 1]
+    assert runs.optimum.sel(run=1) == store.read(computed / "tiny/tasks")[0]["optimum"][1]
+    assert runs.attrs["config"]["every"] == 20
+    records = {"inside": np.zeros((3, 2, 5)), "fingerprints": np.zeros((3, 2, 4))}
+    saved(tiny, "GVT", tmp_path, {"iterations": np.arange(2), **records})
+    runs = store.load(tiny, "GVT", tmp_path)
+    assert runs.inside.dims == ("run", "iteration", "inside_2")
+    assert runs.fingerprints.dims == ("run", "fingerprints_1", "fingerprints_2")
+    weights = store.load(tiny.pool, "sources", computed).weights
+    assert weights.dims == ("source", "weights_1")
+    np.testing.assert_array_equal(weights, store.weights(tiny.pool, computed))
     saved(tiny.pool, "sources", tmp_path, {"index": np.arange(3)})
     with pytest.raises(ValueError, match="weights of tiny-pool must"):
         store.weights(tiny.pool, tmp_path)

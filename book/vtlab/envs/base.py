@@ -100,18 +100,14 @@ class ParameterBatch(TaskBatch):
 
 @frozen
 class Plane:
-    """Two coordinates of a state, the others being zero, and how to show values over them.
-
-    `units` are those of the labels in the state's own, `values` is the range of the colours, and
-    `start` the state from which a policy's path is drawn.
-    """
+    """Two coordinates of a state, the others being zero, and how to show values over them."""
 
     axes: tuple[int, int]
     ends: tuple[tuple[float, float], tuple[float, float]]
     labels: tuple[str, str]
-    units: tuple[float, float]
-    values: tuple[float, float]
-    start: tuple[float, ...]
+    units: tuple[float, float]  # of the labels, in those of the state
+    values: tuple[float, float]  # the range of the colours
+    start: tuple[float, ...]  # of a policy's path
 
 
 @frozen

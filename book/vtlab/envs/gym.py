@@ -28,8 +28,13 @@ class TasksEnv(gymnasium.Env[np.ndarray, np.int64]):
     picture_size: ClassVar[tuple[int, int]] = (400, 400)  # width and height in pixels
 
     def __init__(
-        self, tasks: Any, space: spaces.Box, horizon: int, render_mode: str | None
+        self,
+        tasks: Any,
+        space: spaces.Box,
+        horizon: int | None = None,
+        render_mode: str | None = None,
     ) -> None:
+        horizon = tasks.horizon if horizon is None else horizon
         check_whole("horizon", horizon)
         if render_mode not in (None, "rgb_array"):
             raise ValueError(f"render_mode must be None or 'rgb_array', got {shown(render_mode)}")

@@ -61,8 +61,8 @@ class GridPlan:
 
     def q(self, states: Tensor) -> Tensor:
         """Optimal action values (B, A) at the states (B, n)."""
-        # Not an interpolation of the nodes' action values: beside a door post that would mix nodes
-        # before the door with nodes before the wall, and 1 to 2 % of the episodes would get stuck.
+        # Interpolating the nodes' action values would mix, beside a door post, nodes before the
+        # door with nodes before the wall, and 1 to 2 % of the episodes would get stuck.
         parts = []
         for part in states.split(CHUNK):
             reached, reward, terminated = try_out(self.copies, part, self.noise)

@@ -132,13 +132,10 @@ class NativeRun:
         self._at = ctypes.c_void_p(begin + -begin % LINE)
         self._settings = _Settings.from_buffer(self._memory.data, self._place("settings"))
         wide = -(-self._d // LANES) * LANES
+        most = {"mu": MOST_COMPONENTS, "sources": MOST_SOURCES, "W": MOST_SOURCES}
         self.mu, self._sources, self._W = (
-            self._floats(name, most * wide).reshape(most, wide)[:, : self._d]
-            for name, most in (
-                ("mu", MOST_COMPONENTS),
-                ("sources", MOST_SOURCES),
-                ("W", MOST_SOURCES),
-            )
+            self._floats(name, rows * wide).reshape(rows, wide)[:, : self._d]
+            for name, rows in most.items()
         )
         self.L = self._floats("L", kernels().posterior_size(self._d))
         self._observation = self._floats("observation", tasks.obs_dim)
@@ -155,7 +152,7 @@ class NativeRun:
         return address - self._memory.ctypes.data
 
     def _floats(self, name: str, count: int) -> np.ndarray:
-        """So many numbers of a part of the kernel's run, as an array upon them."""
+        """The first numbers of a part of the kernel's run, as an array that shares its memory."""
         return self._memory[self._place(name) :][: 4 * count].view(np.float32)
 
     def _set(self, first: Tensor, parameters: list[float]) -> np.ndarray:
@@ -198,7 +195,7 @@ class NativeRun:
         return numbers
 
     def advance(self, iterations: int) -> None:
-        """So many iterations."""
+        """Run some iterations."""
         for done in range(0, iterations, AHEAD):
             count = min(AHEAD, iterations - done)
             numbers = [self._numbers(role, count) for role in ROLES]

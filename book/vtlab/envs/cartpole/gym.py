@@ -1,5 +1,7 @@
 """Cartpole as a Gymnasium environment, over `Cartpole.step`."""
 
+from typing import Any
+
 import numpy as np
 from gymnasium import spaces
 
@@ -64,10 +66,9 @@ class CartpoleEnv(TasksEnv):
         cart_mass: float = 1.0,
         pole_mass: float = 0.1,
         half_length: float = 0.5,
-        horizon: int = Cartpole.horizon,
-        render_mode: str | None = None,
+        **options: Any,
     ) -> None:
         tasks = Cartpole.of(1, cart_mass=cart_mass, pole_mass=pole_mass, half_length=half_length)
         # Twice the limits, as in Gymnasium: the observation that ends an episode lies inside too.
         high = np.array([2 * POSITION_LIMIT, np.inf, 2 * ANGLE_LIMIT, np.inf], np.float32)
-        super().__init__(tasks, spaces.Box(-high, high, dtype=np.float32), horizon, render_mode)
+        super().__init__(tasks, spaces.Box(-high, high, dtype=np.float32), **options)

@@ -1,5 +1,7 @@
 """Maze navigation as a Gymnasium environment, over `Mazes.step`."""
 
+from typing import Any
+
 import numpy as np
 from gymnasium import spaces
 
@@ -13,9 +15,8 @@ class MazeEnv(TasksEnv):
     """A robot with nine distance sensors in a maze, to be driven to the goal in a corner.
 
     ## Description
-    A square of 10 x 10 m is made of cells, 1 m wide, that are walls or free. A robot, small as a
-    point, drives in it to the goal, a corner cell. Tasks differ in the walls and the goal's corner.
-    Source: thesis section 6.3.
+    A square of 10 x 10 m is made of cells, 1 m wide, that are walls or free. A robot, a point,
+    drives to the goal, a corner cell. Tasks differ in walls and goal. Source: thesis section 6.3.
 
     ## Observation Space
     A `Box` of shape (22,), float32:
@@ -60,13 +61,8 @@ class MazeEnv(TasksEnv):
     metadata = TasksEnv.metadata | {"render_fps": 10}
     drawing = "vtlab.envs.maze.draw:draw_maze"
 
-    def __init__(
-        self,
-        maze: str | Maze = "north-east 0",
-        horizon: int = Mazes.horizon,
-        render_mode: str | None = None,
-    ) -> None:
+    def __init__(self, maze: str | Maze = "north-east 0", **options: Any) -> None:
         low = np.array([0, 0, -1, -1, *[0] * 2 * SENSORS], np.float32)
         high = np.array([SIDE, SIDE, 1, 1, *[REACH] * SENSORS, *[1] * SENSORS], np.float32)
         space = spaces.Box(low, high, dtype=np.float32)
-        super().__init__(Mazes.of([maze]), space, horizon, render_mode)
+        super().__init__(Mazes.of([maze]), space, **options)

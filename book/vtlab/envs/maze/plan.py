@@ -33,13 +33,12 @@ def plan_maze(mazes: Mazes, index: int) -> GridPlan:
 def earned(planned: GridPlan) -> Tensor:
     """The mean discounted return () of the planned policy over 4000 episodes.
 
-    It is followed in the noisy maze itself from the episodes' own random starts, so the number is
-    one that a policy reaches, whatever the grid's error. Its standard error is 0.0003 for the
-    easiest mazes of the library to 0.002 for the hardest.
+    It is followed in the noisy maze from random starts, so a policy reaches this number, whatever
+    the grid's error. Its standard error is 0.0003 to 0.002 in the mazes of the library.
     """
     rng = generator("maze optimum", 0, "episodes")
     u = torch.from_numpy(rng.random((EPISODES, Mazes.start_dim)))
-    # Evenly over the cells: which one an episode starts in matters more than all other chance.
+    # Starts are spread evenly over the cells, which matter more than all other chance.
     u[:, 0] = (u[:, 0] + torch.arange(EPISODES)) / EPISODES
     maze = planned.copies.select([0])
     state = maze.select([0] * EPISODES).start(u)

@@ -1,5 +1,7 @@
 """Mountain car as a Gymnasium environment, over `MountainCar.step`."""
 
+from typing import Any
+
 import numpy as np
 from gymnasium import spaces
 
@@ -50,12 +52,7 @@ class MountainCarEnv(TasksEnv):
     drawing = "vtlab.envs.mountain_car.draw:draw_mountain_car"
     picture_size = (600, 400)
 
-    def __init__(
-        self,
-        speed: float = 0.001,
-        horizon: int = MountainCar.horizon,
-        render_mode: str | None = None,
-    ) -> None:
+    def __init__(self, speed: float = 0.001, **options: Any) -> None:
         low, high = np.array([POSITIONS, (-MAX_SPEED, MAX_SPEED)], np.float32).T
         space = spaces.Box(low, high, dtype=np.float32)
-        super().__init__(MountainCar.of(1, speed=speed), space, horizon, render_mode)
+        super().__init__(MountainCar.of(1, speed=speed), space, **options)

@@ -1,6 +1,7 @@
 """The rooms problem as a Gymnasium environment, over `Rooms.step`."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from gymnasium import spaces
@@ -51,14 +52,10 @@ class RoomsEnv(TasksEnv):
     drawing = "vtlab.envs.rooms.draw:draw_rooms"
 
     def __init__(
-        self,
-        doors: Sequence[float] = (5.0, 5.0),
-        uniform_start: bool = False,
-        horizon: int = Rooms.horizon,
-        render_mode: str | None = None,
+        self, doors: Sequence[float] = (5.0, 5.0), uniform_start: bool = False, **options: Any
     ) -> None:
         centres = float_array("doors", doors)
         if centres.ndim != 1:
             raise ValueError(f"doors must have shape (W,), got {centres.shape}")
         space = spaces.Box(0.0, SIDE, (Rooms.obs_dim,), np.float32)
-        super().__init__(Rooms.from_doors(centres, uniform_start), space, horizon, render_mode)
+        super().__init__(Rooms.from_doors(centres, uniform_start), space, **options)

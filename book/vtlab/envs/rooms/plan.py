@@ -90,9 +90,8 @@ def gaussian_quadrature(count: int) -> Tensor:
 
     `count` points of equal probability on each axis, scaled to unit variance.
     """
-    # Values jump at door posts and at the goal's rim. Gauss-Hermite points, best for smooth
-    # functions, lie too far apart near zero for that: 9 of them overrate a task by 0.001, 9 of
-    # these by 0.0002.
+    # Values jump at door posts and at the goal's rim. Gauss-Hermite points lie too far apart near
+    # zero for that: 9 of them overrate a task by 0.001, 9 of these by 0.0002.
     quantiles = [NormalDist().inv_cdf((i + 0.5) / count) for i in range(count)]
     points = torch.tensor(quantiles, dtype=torch.float64)
     points = (points / points.square().mean().sqrt()).float()
