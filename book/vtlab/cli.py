@@ -16,7 +16,7 @@ import torch
 
 from vtlab import store
 from vtlab.experiment import Experiment
-from vtlab.registry import checks, installed, known, named
+from vtlab.registry import catalogue, checks, installed, named
 from vtlab.reproduce import report, reproduce
 from vtlab.schedule import complete
 from vtlab.verify import verify
@@ -43,7 +43,7 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="python -m vtlab", description=__doc__)
     commands = parser.add_subparsers(required=True, metavar="command")
     count = _like("[1-9][0-9]*", "a whole number of at least 1", int)
-    names = ", ".join([*installed(), *known()])
+    names = ", ".join([*installed(), *catalogue()])
     run = commands.add_parser("run", help="compute what an experiment still lacks, and store it")
     run.add_argument("experiment", help=f"one of {names}")
     help = "recompute the heads of every stored result, and a run drawn at random"
@@ -106,7 +106,7 @@ def _experiments(names: Iterable[str]) -> list[Experiment]:
 
 
 def _verify(options: argparse.Namespace) -> int:
-    usual = [*known(), *(() if options.quick else checks())]
+    usual = [*catalogue(), *(() if options.quick else checks())]
     names, root = options.experiment or usual, options.results
     if options.quick and (whole := [name for name in names if name in checks()]):
         raise ValueError(f"--quick must not be asked of {', '.join(whole)}, which has no heads")
@@ -128,7 +128,7 @@ def _drawing(options: argparse.Namespace) -> np.random.Generator:
 
 
 def _reproduce(options: argparse.Namespace) -> int:
-    experiments = _experiments(options.only or known())
+    experiments = _experiments(options.only or catalogue())
     store.check_readable(options.results)
     fresh = Path("_build", f"reproduced-{options.runs}" if options.runs else "reproduced")
     with _workers(options) as executor:

@@ -22,7 +22,7 @@ def installed() -> Mapping[str, Mapping[str, Experiment]]:
     return {entry.name: entry.load() for entry in entry_points(group="vtlab.experiments")}
 
 
-def known() -> dict[str, Experiment]:
+def catalogue() -> dict[str, Experiment]:
     """All experiments that installed packages offer, by their names."""
     return {name: e for offered in installed().values() for name, e in offered.items()}
 
@@ -31,10 +31,10 @@ def named(name: str) -> list[Experiment]:
     """The experiments that a name stands for, of one or of a collection; ValueError for none."""
     if name in installed():
         return list(installed()[name].values())
-    if name not in known():
-        near = " or ".join(get_close_matches(name, known()) or installed())
+    if name not in catalogue():
+        near = " or ".join(get_close_matches(name, catalogue()) or installed())
         raise ValueError(f"unknown experiment {shown(name)}, {near} perhaps; run --help lists all")
-    return [known()[name]]
+    return [catalogue()[name]]
 
 
 @functools.cache

@@ -34,8 +34,8 @@ def reproduce(
 ) -> list[Comparison]:
     """Compute experiments under ``fresh``, resuming there, and compare with those under root.
 
-    Only the first ``runs`` of each are computed, if so many are asked for. executor and device: as
-    for ``schedule.complete``.
+    Only the first ``runs`` of each are computed, unless that is None; the rest is as for
+    ``schedule.complete``.
     """
     if fresh.resolve() == root.resolve():
         raise ValueError(f"results must be compared with others than themselves, got {fresh} twice")

@@ -50,9 +50,8 @@ def prepare(
 ) -> Batch:
     """Agents, episodes and evaluation of some runs of an algorithm.
 
-    weights (count, d) are the pool's sources'. Posteriors live on the device. Raises ValueError
-    when an algorithm that transfers gets weights that are not finite, not float32 or of another
-    shape.
+    Posteriors live on the device. Raises ValueError unless weights (count, d) are those of a pool,
+    finite and float32, where the algorithm transfers.
     """
     family, rng = experiment.family, Rng(experiment.stream, runs)
     tasks, start = targets(experiment, runs), _start(experiment, label, runs, weights)
@@ -89,9 +88,9 @@ def run_batch(
     device: str = "cpu",
     threads: int = 1,
 ) -> dict[str, np.ndarray]:
-    """Train some runs of the algorithm of that label to the experiment's end: arrays to store.
+    """Train some runs of an algorithm: arrays to store.
 
-    run (R,), iterations (T,) at which returns were recorded, learning and greedy returns (R, T),
+    They are run (R,), iterations (T,) of the records, learning and greedy returns (R, T),
     fingerprints (R, 3, 4), and whatever the experiment's visits and probes add, over the runs.
     weights and device are as for ``prepare``; progress gets the iteration at each record, and stops
     the training by returning False. The kernels advance as many runs at once as there are threads.

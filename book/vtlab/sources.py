@@ -144,14 +144,9 @@ def _attempt(pool: Pool, sources: Sequence[int], attempt: int) -> dict[str, np.n
             training.keep((~passes).nonzero().flatten().tolist())
             left = left[~passes]
         training.advance(pool.check_every)
-    return {
-        "weights": weights.numpy(),
-        "iterations": iterations.numpy(),
-        "greedy": greedy.numpy(),
-        "optimum": optimum.numpy(),
-        "solved": solved.numpy(),
-        "fingerprints": np.stack(training.fingerprints, 1),
-    }
+    tensors = {"weights": weights, "iterations": iterations, "greedy": greedy, "optimum": optimum}
+    arrays = {key: tensor.numpy() for key, tensor in (tensors | {"solved": solved}).items()}
+    return arrays | {"fingerprints": np.stack(training.fingerprints, 1)}
 
 
 @one_thread()

@@ -1,8 +1,4 @@
-"""What can be computed alone, and computing it.
-
-A unit is a batch of sources of a pool, an experiment's task table, or a batch of runs of one
-algorithm.
-"""
+"""Units of work: some sources of a pool, an experiment's task table, some runs of an algorithm."""
 
 import contextlib
 import math
@@ -88,8 +84,7 @@ def compute(
 ) -> tuple[store.Arrays, store.Note]:
     """The arrays of one unit, and what it took: seconds of processor, megabytes, machine.
 
-    weights: (count, d), of the pool that runs transfer from. Posteriors live on the device, all
-    else on the processor.
+    Runs transfer from weights (count, d) of their pool; their posteriors live on the device.
     """
     with contextlib.suppress(OSError):
         # memory's peak counts from here; where the system cannot do that, it counts earlier units

@@ -126,10 +126,9 @@ def _near(old: np.ndarray, new: np.ndarray) -> np.ndarray:
 
 
 def _begin_alike(old: np.ndarray, new: np.ndarray) -> bool:
-    """Whether all runs have the first fingerprint, and half of them the last of their beginning.
+    """Whether all runs have the first fingerprint, and half of them the second.
 
-    Rounding alone decides earlier only in few runs, as between actions of the same value; a fault
-    changes all runs.
+    Rounding decides so early only in few runs, between actions of the same value.
     """
     near = [_near(old[:, i], new[:, i]) for i in range(min(BEGINNING, old.shape[1]))]
     return bool(near[0].all() and near[-1].sum() >= len(old) // 2)

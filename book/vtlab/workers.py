@@ -53,8 +53,7 @@ def _end_with_parent() -> None:
 def cluster(address: str) -> Iterator[Executor]:
     """The workers of the Dask scheduler at an address, such as "tcp://host:8786".
 
-    Raises OSError where there is none, BrokenExecutor when a unit has lost several workers. Source:
-    Rocklin (2015), https://distributed.dask.org.
+    Raises OSError where there is none, BrokenExecutor when a unit has lost several workers.
     """
     import distributed  # this takes a second, and only a cluster needs it
 

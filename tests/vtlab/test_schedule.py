@@ -31,16 +31,6 @@ def test_units_are_batches_of_runs_and_halves_of_small_pools(tiny):
     assert units[-1] == ("tasks", range(3), None)
 
 
-def test_complete_stores_every_result_with_its_provenance(tiny, stored):
-    for owner, label in store.results_of(tiny):
-        _, note = store.stored(owner, label, stored)
-        assert 10 < note["megabytes"] < 5000
-        assert note["machine"] == store.machine()
-    assert note["seeds"] == "SHA-256 of tiny/<run>/<role>"
-    assert list(store.stored(tiny, "GVT", stored)[0]["run"]) == [0, 1, 2]
-    assert sorted(p.name for p in stored.iterdir()) == ["tiny", "tiny-pool"]
-
-
 def test_only_what_is_missing_is_computed_and_joined_and_the_rest_is_left_alone(
     tiny, stored, here, monkeypatch
 ):
@@ -85,11 +75,16 @@ def test_an_error_of_one_unit_keeps_what_the_others_have_done(tiny, stored, here
     assert list((stored / "parts" / "tiny").glob("GVT-*.json"))
 
 
-def test_workers_of_other_versions_are_refused(tiny, here, tmp_path, monkeypatch):
+def test_workers_of_other_versions_and_parts_of_another_configuration_are_refused(
+    tiny, here, tmp_path, monkeypatch
+):
     monkeypatch.setattr(schedule, "__version__", "0.0")  # here, not in the workers
     with pytest.raises(ValueError, match=r"workers must have vtlib 0\.0, one has "):
         schedule.complete([tiny], tmp_path, here)
     assert not list(tmp_path.rglob("*.npz"))
+    store.save(tmp_path / units_of(tiny.pool)[0].part, {"x": np.zeros(1)}, {"seconds": 1.0})
+    with pytest.raises(TornResult, match="another configuration"):
+        schedule.complete([tiny], tmp_path)
 
 
 def test_experiments_share_a_pool_and_one_bar_but_no_name(tiny, here, tmp_path, capsys):
@@ -112,12 +107,6 @@ def test_the_time_of_a_unit_is_expected_as_it_was_for_the_stored_runs(tiny, monk
         assert units_of(tiny)[0].expected_seconds > 0
 
 
-def test_a_part_of_another_configuration_stops_it_before_anything_is_computed(tiny, tmp_path):
-    store.save(tmp_path / units_of(tiny.pool)[0].part, {"x": np.zeros(1)}, {"seconds": 1.0})
-    with pytest.raises(TornResult, match="another configuration"):
-        schedule.complete([tiny], tmp_path)
-
-
 def test_a_scheduler_that_is_not_there_is_named(monkeypatch):
     short = partial(Client, set_as_default=False, timeout=0.5)
     monkeypatch.setattr("distributed.Client", lambda address, **_: short(address))
@@ -132,13 +121,15 @@ def interrupted(tiny, computed, tmp_path):
     shutil.copytree(computed / "tiny-pool", tmp_path / "tiny-pool")
     small = evolve(tiny, algorithms={label: tiny.algorithms[label] for label in ("NT", "GVT")})
 
-    def complete(executor, victim):
-        def kill_in_the_middle():
+    def complete(executor):
+        victim = executor.submit(os.getpid).result()
+
+        def kill():
             while not list((tmp_path / "parts").rglob("*.json")):
                 time.sleep(0.005)
             os.kill(victim, signal.SIGKILL)
 
-        killer = threading.Thread(target=kill_in_the_middle)
+        killer = threading.Thread(target=kill)
         killer.start()
         try:
             schedule.complete([small], tmp_path, executor)
@@ -154,7 +145,7 @@ def interrupted(tiny, computed, tmp_path):
 
 def test_a_process_that_is_killed_ends_the_work_which_goes_on_where_it_was(interrupted):
     with pytest.raises(BrokenExecutor), processes(1) as executor:
-        interrupted(executor, executor.submit(os.getpid).result())
+        interrupted(executor)
 
 
 def test_units_of_a_worker_of_a_cluster_that_is_killed_move_to_another(interrupted):
@@ -163,4 +154,4 @@ def test_units_of_a_worker_of_a_cluster_that_is_killed_move_to_another(interrupt
         LocalCluster(n_workers=2, threads_per_worker=1, **alone) as there,
         cluster(there.scheduler_address) as executor,
     ):
-        interrupted(executor, executor.submit(os.getpid).result())
+        interrupted(executor)

@@ -142,10 +142,7 @@ class TaskFamily(ABC):
         """Draw `count` tasks, independent and alike. Raises ValueError when count < 1."""
 
     def solved(self, returns: Tensor, optimum: Tensor, required: float) -> Tensor:
-        """Whether greedy returns (R, E) of E episodes solve each task to a share, bool (R,).
-
-        Here: whether their mean misses the optimum (R,) by at most 1 - required of its size.
-        """
+        """Whether the mean of returns (R, E) reaches a share of the optimum (R,), bool (R,)."""
         return returns.mean(1) >= optimum - (1 - required) * optimum.abs()
 
     def for_sources(self, tasks: Any) -> Any:

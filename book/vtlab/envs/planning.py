@@ -14,8 +14,8 @@ CHUNK = 1024  # states that step together, few enough for the processor's cache
 def around(place: Tensor, cells: Tensor) -> tuple[Tensor, Tensor]:
     """The 2^n nodes (n, B, 2^n) int64 around places (n, B) on a grid, with weights (B, 2^n).
 
-    Places are in cells from the first node, and are moved onto the grid of `cells` (n,) cells per
-    axis. The weights are multilinear; nodes of the last axis vary fastest.
+    Places count cells from the first node; those outside the grid of `cells` (n,) are moved onto
+    it. The weights are multilinear; nodes of the last axis vary fastest.
     """
     cells = cells.unsqueeze(1)
     place = torch.minimum(place.clamp(min=0), cells)

@@ -10,7 +10,7 @@ from attrs import evolve
 from vtlab.envs import MazeFamily, Mazes, MountainCar, MountainCarFamily, Rooms, RoomsFamily, maze
 from vtlab.envs.maze import plan as maze_planner
 from vtlab.envs.maze.library import parse_maze
-from vtlab.envs.maze.plan import earned, plan_maze
+from vtlab.envs.maze.plan import mean_return, plan_maze
 from vtlab.envs.mountain_car import plan as car_planner
 from vtlab.envs.mountain_car.plan import plan_mountain_car
 from vtlab.envs.rooms import plan as rooms_planner
@@ -156,6 +156,6 @@ def test_the_optimum_of_a_maze_is_its_own(plans, monkeypatch):
     monkeypatch.setattr(maze, "plan_maze", planned)
     optimum = MazeFamily().optimum(MAZES.select([2, 0, 2, 2]))
     assert sorted(call.args[1] for call in planned.call_args_list) == [0, 1]
-    easy, hard = earned(plans[0]), earned(plans[2])
+    easy, hard = mean_return(plans[0]), mean_return(plans[2])
     assert torch.equal(optimum, torch.stack([hard, easy, hard, hard]))
     assert easy > hard

@@ -21,9 +21,8 @@ START_LIMIT = 0.05
 class Cartpole(ParameterBatch):
     """A batch of R cartpole tasks, with the equations of Gymnasium's CartPole-v1.
 
-    Masses (R,) are in kg, `half_length` (R,), from the pivot to the pole's centre of mass, in m. A
-    state is the cart's position (m) and velocity (m/s), the pole's angle (rad, 0 upright, positive
-    to the right) and angular velocity (rad/s).
+    Masses (R,) are in kg, `half_length` (R,), from the pivot to the pole's centre of mass, in m.
+    States (R, 4) are as `CartpoleEnv` lists them.
     """
 
     cart_mass: Tensor

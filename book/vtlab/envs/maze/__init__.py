@@ -9,7 +9,7 @@ from torch import Tensor
 
 from vtlab.envs.base import TaskFamily
 from vtlab.envs.maze.library import library, load_mazes, parse_maze
-from vtlab.envs.maze.plan import earned, plan_maze
+from vtlab.envs.maze.plan import mean_return, plan_maze
 from vtlab.envs.maze.tasks import Mazes
 from vtlib.checks import check_one_of, check_whole, shown
 from vtlib.qfunctions import MLP
@@ -44,7 +44,7 @@ class MazeFamily(TaskFamily):
         """What the planned policy earns (R,). A maze's number is the same in every batch."""
         rows = torch.cat([tasks.walls.flatten(1).long(), tasks.goal], 1)
         mazes = rows.unique(dim=0, return_inverse=True)[1].tolist()
-        returns = {maze: earned(plan_maze(tasks, mazes.index(maze))) for maze in set(mazes)}
+        returns = {maze: mean_return(plan_maze(tasks, mazes.index(maze))) for maze in set(mazes)}
         return torch.stack([returns[maze] for maze in mazes])
 
     def sample(self, rng: np.random.Generator, count: int) -> Mazes:

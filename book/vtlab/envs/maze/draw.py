@@ -15,10 +15,9 @@ ROBOT = 0.22  # m, the radius drawn; the robot itself is a point
 
 
 def draw_maze(ax: Axes, tasks: Mazes, index: int = 0, state: ArrayLike | None = None) -> None:
-    """Draw task `index` on `ax`, in m: walls, goal, and the robot in `state` (3,) if given.
+    """Draw task `index` on `ax`, in m: walls, goal, and the robot in `state` (3,), if there is one.
 
-    Its sensors' rays are shown as far as they see, green where they meet the goal and ending in a
-    dot where they meet a wall.
+    The rays of its sensors are green where they meet the goal, and end in a dot at a wall.
     """
     x, y = tasks.goal[index].tolist()
     ax.add_patch(Rectangle((x, y), 1, 1, color=FLAG, lw=0))

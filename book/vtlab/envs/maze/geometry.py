@@ -1,8 +1,8 @@
 """Where straight lines meet the walls of mazes, for a batch of mazes of unit cells at once.
 
-What lies behind each of the few grid lines that a line can cross is looked up, for both axes along
-a dimension of length two. In NumPy, whose operations on small arrays cost a third of torch's, and
-in float64, so that rounding does not decide what a ray sees that passes close by a corner.
+The cell behind each of the few grid lines that a line can cross is looked up, for both axes along a
+dimension of length two. NumPy takes a third of torch's time for small arrays. In float64 rounding
+does not decide what a ray sees that passes close by a corner.
 """
 
 from __future__ import annotations
@@ -94,9 +94,8 @@ def look(
 def advance(ground: Ground, position: np.ndarray, move: np.ndarray) -> np.ndarray:
     """Where moves (2, R) from positions (2, R) end, going as far as no wall is in their way.
 
-    The border of the square cuts each coordinate by itself, so that a robot slides along it; a wall
-    within stops the move. A robot that keeps CLEARANCE from all walls still does afterwards. Moves
-    longer than LONGEST_MOVE along an axis are cut to it.
+    A robot slides along the border of the square, but stops at a wall within. If it keeps CLEARANCE
+    from all walls before, it does afterwards. Moves are cut to LONGEST_MOVE along each axis.
     """
     aim = position + move.clip(-LONGEST_MOVE, LONGEST_MOVE)
     move = aim.clip(BORDER, SIDE - BORDER) - position

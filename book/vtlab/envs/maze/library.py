@@ -42,9 +42,8 @@ def parse_maze(text: str, name: str = "maze") -> Maze:
 def load_mazes(path: Path | str) -> dict[str, Maze]:
     """The mazes of a text file by their names, in its order.
 
-    A maze is a line with its name and ten rows as `parse_maze` reads them; blank lines stand
-    between mazes, and lines that begin with ';' are comments. Raises ValueError with one line that
-    gives the maze and its first fault.
+    A maze is a line with its name and ten rows as for `parse_maze`; blank lines separate mazes, and
+    ';' begins a comment. Raises ValueError with one line that gives the maze and its first fault.
     """
     file = one_line(Path(path).name)
     try:

@@ -24,7 +24,6 @@ SENSORS = 9
 # Of the rays, rad from the heading to the left. A hair off, for a ray that passes exactly through
 # the point where two walls touch, as with heading 0 from a cell's middle, would see between them.
 ANGLES = np.linspace(-math.pi / 2, math.pi / 2, SENSORS) + 1e-10
-ACTIONS = ("FORWARD", "LEFT", "RIGHT")
 _EFFECTS = np.array([[STEP_LENGTH, 0.0, 0.0], [0.0, TURN, -TURN]])  # m ahead, rad to the left
 
 

@@ -19,7 +19,7 @@ def plan_mountain_car(tasks: MountainCar, index: int) -> GridPlan:
     return plan_without_noise(tasks, index, nodes, _locate, None, TOLERANCE)
 
 
-def earned(tasks: MountainCar, index: int) -> Tensor:
+def mean_return(tasks: MountainCar, index: int) -> Tensor:
     """The mean discounted return () of the planned policy over the episodes' own starts.
 
     It is followed in the dynamics, so a policy reaches this number, whatever the grid's error.

@@ -20,8 +20,7 @@ class MountainCar(ParameterBatch):
     """A batch of R mountain car tasks, with the equations of Gymnasium's MountainCar-v0.
 
     `speed` (R,) is the velocity that an action adds in one step; `last_reward` is what the step to
-    the goal earns, every other one -1. A state is the car's position, in [-1.2, 0.6], and its
-    velocity per step, in [-0.07, 0.07].
+    the goal earns, every other one -1. States (R, 2) are as `MountainCarEnv` lists them.
     """
 
     speed: Tensor

@@ -58,10 +58,7 @@ class RoomsFamily(TaskFamily):
         return RBFLinear(torch.arange(11.0), 1 / 9, Rooms.n_actions)
 
     def optimum(self, tasks: Rooms) -> Tensor:
-        """Best expected discounted return (R,) of one episode, cut at the horizon.
-
-        From (0, 0), or the mean over starts anywhere in the square for tasks that start there.
-        """
+        """Best expected discounted return (R,) of an episode, over all starts that a task has."""
         u = torch.zeros(1, 2)
         if tasks.uniform_start:
             middles = (torch.arange(START_CELLS) + 0.5) / START_CELLS
