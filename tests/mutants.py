@@ -30,14 +30,17 @@ FAULTS: dict[str, list[tuple[str, str]]] = {
     ],
     "vtlib/priors": [
         ("/ freedom**0.5", "/ sources.shape[-2] ** 0.5"),
-        ("(singular**2 / (singular**2 + own)).sqrt()", "(singular**2 / (singular**2 + own))"),
+        (
+            "(singular**2 / (singular**2 + variance)).sqrt()",
+            "(singular**2 / (singular**2 + variance))",
+        ),
         ("return Start(self.mu.clone(),", "return Start(self.mu,"),
         ("torch.arange(components) % count", "torch.zeros(components).long()"),
         ("toward / (self._variance * mu.shape[1])", "toward / self._variance"),
         ("- math.log(sources)\n", "- math.log(components)\n"),
     ],
     "vtlib/posteriors/base": [
-        ("self._z[:, -used:]", "self._z[:, :used]"),
+        ("self._z[:, -count:]", "self._z[:, :count]"),
         ("(descent.clip, descent.kl_clip)", "(descent.kl_clip, descent.clip)"),
     ],
     "vtlib/posteriors/dense": [

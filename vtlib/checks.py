@@ -62,7 +62,7 @@ def check_one_of(name: str, value: object, allowed: Collection[str]) -> None:
 def check_kind(name: str, value: object, kind: Any) -> None:
     """Raise ValueError unless value is an instance of a class, or of one of a union's classes."""
     if not isinstance(value, kind):
-        kinds = " or ".join(one.__name__ for one in get_args(kind) or (kind,))
+        kinds = " or ".join(x.__name__ for x in get_args(kind) or (kind,))
         raise ValueError(f"{name} must be of type {kinds}, got {shown(value)}")
 
 

@@ -13,7 +13,7 @@ from vtlib.checks import check_kind
 from vtlib.replay import Transition
 from vtlib.rng import Stream
 
-# of which gymnasium.wrappers.FlattenObservation can make one Box, unless others are within
+# gymnasium.wrappers.FlattenObservation makes one Box of these spaces, unless they hold others
 FLATTENED = Box, Discrete, MultiDiscrete, MultiBinary, Dict, Tuple
 
 
@@ -155,7 +155,8 @@ class GymEpisodes:
             raise ValueError(f"environments must have the same spaces, got {sorted(sizes)}")
         ((self.obs_dim, self.n_actions),) = sizes
         self._envs: list[Any] = list(envs)
-        first = [self._seen(e, e.reset(seed=int(s))[0]) for e, s in zip(envs, seeds, strict=True)]
+        pairs = zip(envs, seeds, strict=True)
+        first = [self._observation(env, env.reset(seed=int(seed))[0]) for env, seed in pairs]
         self.obs = torch.from_numpy(np.stack(first))
         self.returns = Returns(len(envs), gamma, window)
         self.fresh = torch.ones(len(envs), dtype=torch.bool)
@@ -165,24 +166,24 @@ class GymEpisodes:
         after, current, reward, ended, over = [], [], [], [], []
         for env, a in zip(self._envs, action.tolist(), strict=True):
             obs, r, terminated, truncated, _ = env.step(a + int(env.action_space.start))
-            after.append(self._seen(env, obs))
+            after.append(self._observation(env, obs))
             reward.append(float(r))
             if not np.isfinite(reward[-1]):
                 raise ValueError(f"rewards must be finite, {env} gave {r}")
             ended.append(bool(terminated))
             over.append(bool(terminated or truncated))
-            current.append(self._seen(env, env.reset()[0]) if over[-1] else after[-1])
+            current.append(self._observation(env, env.reset()[0]) if over[-1] else after[-1])
         outcome = torch.tensor(reward), torch.from_numpy(np.stack(after)), torch.tensor(ended)
         transition = Transition(self.obs, action, *outcome)
         self.obs, self.fresh = torch.from_numpy(np.stack(current)), torch.tensor(over)
         self.returns.add(transition.reward, self.fresh)
         return transition
 
-    def _seen(self, env: gymnasium.Env, obs: np.ndarray) -> np.ndarray:
-        seen = np.array(obs, np.float32)  # a copy: the array may be handed out again and again
-        if seen.shape != (self.obs_dim,) or not np.isfinite(seen).all():
+    def _observation(self, env: gymnasium.Env, obs: np.ndarray) -> np.ndarray:
+        numbers = np.array(obs, np.float32)  # a copy: the environment may reuse its array
+        if numbers.shape != (self.obs_dim,) or not np.isfinite(numbers).all():
             raise ValueError(f"needs {self.obs_dim} finite numbers to see, {env} gave {obs}")
-        return seen
+        return numbers
 
 
 def _sizes(env: gymnasium.Env) -> tuple[int, int]:
@@ -195,6 +196,6 @@ def _sizes(env: gymnasium.Env) -> tuple[int, int]:
         raise ValueError(f"needs a one-dimensional Box observation space, got {box}{remedy}")
     if not isinstance(discrete, Discrete):
         remedy = "gymnasium.wrappers.TransformAction can map a few numbers to actions"
-        told = f"needs a Discrete action space, got {discrete}"
-        raise ValueError(f"{told}, for each action has a value: {remedy}")
+        need = f"needs a Discrete action space, got {discrete}"
+        raise ValueError(f"{need}, for each action has a value: {remedy}")
     return box.shape[0], int(discrete.n)

@@ -56,14 +56,14 @@ class Learned:
 
     def __attrs_post_init__(self) -> None:
         (runs, components, d), (times,) = self.weights.shape, self.iterations.shape
-        found = [tuple(x.shape) for x in (self.returns, self.steps, self.improved)]
+        shapes = [tuple(x.shape) for x in (self.returns, self.steps, self.improved)]
         means, factors = (None if x is None else x.shape for x in (self.mu, self.scale_tril))
         shape = (runs, components, d)
-        known = (None, None), (shape, shape), (shape, (*shape, d))
-        if found != [(runs, times), (runs,), (runs,)] or (means, factors) not in known:
+        posteriors = (None, None), (shape, shape), (shape, (*shape, d))
+        if shapes != [(runs, times), (runs,), (runs,)] or (means, factors) not in posteriors:
             raise ValueError(
                 f"arrays must fit weights {tuple(shape)} and {times} records, got "
-                f"{found}, mu {means}, scale_tril {factors}"
+                f"{shapes}, mu {means}, scale_tril {factors}"
             )
 
     def save(self, path: str | Path) -> None:
@@ -82,7 +82,7 @@ class Learned:
         try:
             with np.load(whole, allow_pickle=False) as stored:
                 return cls(**{name: torch.from_numpy(stored[name]) for name in stored})
-        except Exception as error:  # junk fails in as many ways as its readers have
+        except Exception as error:  # what is not such a file may raise anything
             raise TornResult(f"{path} is not what Learned.save wrote") from error
 
 
@@ -151,9 +151,10 @@ def transfer(
     check_weights("sources", sources, "source", q.d)
     settings = Recommended() if settings is None else settings
     check_kind("settings", settings, Settings | FineTuning | Recommended)
-    where = "cpu" if isinstance(settings, FineTuning) else device  # only posteriors go elsewhere
+    # only posteriors are kept elsewhere than on the processor
+    place = "cpu" if isinstance(settings, FineTuning) else device
     try:
-        torch.empty(0, device=where)
+        torch.empty(0, device=place)
     except (RuntimeError, AssertionError, TypeError) as error:
         raise ValueError(f"device must be one that torch has here, got {shown(device)}") from error
     gamma = (settings.learner if isinstance(settings, FineTuning) else settings).gamma
@@ -162,22 +163,22 @@ def transfer(
     steps = torch.zeros(len(envs), dtype=torch.int64)
     play = partial(_play, envs, q, episodes=trials, name=f"{name} trial", gamma=gamma)
     if trials:
-        tried = [play(weights=one) for one in shared.split(1, 1)]
-        steps += sum(took for _, took in tried)
-        earned = torch.stack([returns for returns, _ in tried], 1)
-        order = torch.argsort(-earned.mean(2), dim=1, stable=True)
+        plays = [play(weights=source) for source in shared.split(1, 1)]
+        steps += sum(length for _, length in plays)
+        returns = torch.stack([episodes for episodes, _ in plays], 1)
+        order = torch.argsort(-returns.mean(2), dim=1, stable=True)
         shared = shared.gather(1, order.unsqueeze(2).expand_as(shared))
     episodes, rng = _episodes(envs, q, name, gamma), Rng(name, range(len(envs)))
-    agent = settings.agent(q, shared.to(where), episodes.obs_dim, rng)
+    agent = settings.agent(q, shared.to(place), episodes.obs_dim, rng)
     learned = _learn(agent, episodes, iterations, name, callback, progress)
     learned = evolve(learned, steps=learned.steps + steps)
     if not trials:
         return learned
-    ours, took = play(weights=learned.weights)
-    gain = ours - earned[torch.arange(len(envs)), order[:, 0]]
+    last, length = play(weights=learned.weights)
+    gain = last - returns[torch.arange(len(envs)), order[:, 0]]
     improved = gain.mean(1) >= gain.std(1, correction=0) / (trials - 1) ** 0.5
     weights = torch.where(improved.view(-1, 1, 1), learned.weights, shared[:, :1])
-    return evolve(learned, weights=weights, steps=learned.steps + took, improved=improved)
+    return evolve(learned, weights=weights, steps=learned.steps + length, improved=improved)
 
 
 @one_thread()
@@ -227,14 +228,14 @@ def _play(
             count[row] += 1
         running[play.fresh], discount[play.fresh], since[play.fresh] = 0.0, 1.0, 0
         if int(since.max()) > LONGEST:
-            told = f"an episode has not ended after {LONGEST:,} steps"
-            raise ValueError(f"{told}: gymnasium.wrappers.TimeLimit ends it")
+            fault = f"an episode has not ended after {LONGEST:,} steps"
+            raise ValueError(f"{fault}: gymnasium.wrappers.TimeLimit ends it")
     return returns, steps
 
 
-def _name(what: str, seed: int) -> str:
+def _name(task: str, seed: int) -> str:
     check_whole("seed", seed, 0)
-    return f"{what} {seed}"
+    return f"{task} {seed}"
 
 
 def _episodes(envs: Sequence[gymnasium.Env], q: QFunction, name: str, gamma: float) -> GymEpisodes:
@@ -246,16 +247,17 @@ def _episodes(envs: Sequence[gymnasium.Env], q: QFunction, name: str, gamma: flo
     seeds = [int(generator(name, run, "environment").integers(limit)) for run in runs]
     episodes = GymEpisodes(envs, seeds, gamma)
     try:
-        # weights of many sizes: those of zero would hide what a unit draws
-        w, seen = torch.linspace(-1, 1, q.d).view(1, 1, -1), episodes.obs[:1].unsqueeze(1)
-        values, again = (q.q(w, q.prepare(seen)) for _ in range(2))
-    except Exception as error:  # one's own fails in as many ways as there are authors
+        # weights of many sizes, because weights of zero would hide what a unit draws
+        w, obs = torch.linspace(-1, 1, q.d).view(1, 1, -1), episodes.obs[:1].unsqueeze(1)
+        values, repeated = (q.q(w, q.prepare(obs)) for _ in range(2))
+    except Exception as error:  # a user's Q-function may raise anything
         raise ValueError(f"the Q-function cannot value an observation: {error}") from error
-    if values.shape != again.shape or not torch.allclose(values, again, 1e-4, 1e-4, equal_nan=True):
+    same = values.shape == repeated.shape
+    if not (same and torch.allclose(values, repeated, 1e-4, 1e-4, equal_nan=True)):
         raise ValueError("the Q-function must give the same values each time, it draws others")
     if not values.shape[2] == q.n_actions == episodes.n_actions:
-        found = f"{episodes.n_actions} actions, got {q.n_actions} and {values.shape[2]} values"
-        raise ValueError(f"the Q-function must have the environments' {found}")
+        counts = f"{episodes.n_actions} actions, got {q.n_actions} and {values.shape[2]} values"
+        raise ValueError(f"the Q-function must have the environments' {counts}")
     return episodes
 
 
@@ -276,8 +278,8 @@ def _learn(
             check_finite(agent.mu, names, t)
             times.append(t)
             returns.append(episodes.returns.mean(before=torch.nan))
-            said = None if callback is None else callback(t, returns[-1])
-            if said is not None and not said:  # NumPy's and torch's False, too
+            answer = None if callback is None else callback(t, returns[-1])
+            if answer is not None and not answer:  # NumPy's and torch's False, too
                 break
     check_finite(agent.mu, names, done)
     mu = agent.mu.detach().cpu().clone()

@@ -43,8 +43,8 @@ class Precision(NamedTuple):
         """The diagonal, (..., d)."""
         if self.W is None:
             return torch.full((d,), float(self.scale))
-        own = self.scale.squeeze(-1) if isinstance(self.scale, Tensor) else self.scale
-        return own * (1 - self.W.square().sum(-1))
+        scale = self.scale.squeeze(-1) if isinstance(self.scale, Tensor) else self.scale
+        return scale * (1 - self.W.square().sum(-1))
 
 
 class Start(NamedTuple):
@@ -134,20 +134,16 @@ def covariance_factor(spread: Tensor, jitter: float | Tensor) -> Tensor:
     factors = spread.new_empty(*batch, d, d)
     # A few at a time: all of them in double precision would take several times the memory. An even
     # number, because the last digit depends on where in 16 bytes a matrix begins.
-    few = 2 * max(1, DOUBLES // d**2 // 2)
-    parts = factors.view(-1, d, d).split(few)
-    own = (
-        torch.as_tensor(jitter, dtype=torch.double, device=spread.device)
-        .expand(*batch, 1, 1)
-        .reshape(-1, 1)
-        .split(few)
-    )
-    spreads = spread.reshape(-1, d, count).split(few)
+    size = 2 * max(1, DOUBLES // d**2 // 2)
+    parts = factors.view(-1, d, d).split(size)
+    jitters = torch.as_tensor(jitter, dtype=torch.double, device=spread.device)
+    jitters = jitters.expand(*batch, 1, 1).reshape(-1, 1)
+    spreads = spread.reshape(-1, d, count).split(size)
     try:
-        for some, added, part in zip(spreads, own, parts, strict=True):
-            wide = some.double()
+        for narrow, variance, part in zip(spreads, jitters.split(size), parts, strict=True):
+            wide = narrow.double()
             covariance = wide @ wide.mT
-            covariance.diagonal(dim1=-2, dim2=-1).add_(added)
+            covariance.diagonal(dim1=-2, dim2=-1).add_(variance)
             part.copy_(torch.linalg.cholesky(covariance, out=covariance))
     except torch.linalg.LinAlgError as error:  # type: ignore[attr-defined]  # documented, not typed
         raise too_far_apart(spread) from error
@@ -165,8 +161,8 @@ def low_rank_precision(spread: Tensor, jitter: float | Tensor) -> Precision:
         left, singular, _ = torch.linalg.svd(spread.double(), full_matrices=False)
     except torch.linalg.LinAlgError as error:  # type: ignore[attr-defined]  # documented, not typed
         raise too_far_apart(spread) from error
-    own = jitter.squeeze(-1) if isinstance(jitter, Tensor) else jitter
-    shrink = (singular**2 / (singular**2 + own)).sqrt()
+    variance = jitter.squeeze(-1) if isinstance(jitter, Tensor) else jitter
+    shrink = (singular**2 / (singular**2 + variance)).sqrt()
     W = (left * shrink.unsqueeze(-2)).to(spread.dtype)
     if not W.isfinite().all():  # the decomposition of an infinite spread may end in silence
         raise too_far_apart(spread)
@@ -175,18 +171,18 @@ def low_rank_precision(spread: Tensor, jitter: float | Tensor) -> Precision:
 
 def too_far_apart(spread: Tensor) -> ValueError:
     """What refuses sources of that spread (..., d, S)."""
-    apart = float(spread.abs().amax()) * spread.shape[-1] ** 0.5
+    distance = float(spread.abs().amax()) * spread.shape[-1] ** 0.5
     return ValueError(
         "sources must lie closer to their mean for a gaussian posterior, whose covariance rounding "
-        f"spoils, got weights that are {apart:g} away"
+        f"spoils, got weights that are {distance:g} away"
     )
 
 
 def kl(q: Gaussian, p: Gaussian) -> Tensor:
     """KL(q || p) of two Gaussians, eq. 5.7; batch axes broadcast, returns (...)."""
     whitened = torch.linalg.solve_triangular(p.scale_tril, q.scale_tril, upper=False)
-    apart = (q.mu - p.mu).unsqueeze(-1)
-    shift = torch.linalg.solve_triangular(p.scale_tril, apart, upper=False)
+    distance = (q.mu - p.mu).unsqueeze(-1)
+    shift = torch.linalg.solve_triangular(p.scale_tril, distance, upper=False)
     log_volumes = _log_diagonal(p.scale_tril) - _log_diagonal(q.scale_tril)
     squares: Tensor = whitened.square().sum((-2, -1)) + shift.square().sum((-2, -1))
     return log_volumes + 0.5 * (squares - q.mu.shape[-1])
@@ -249,9 +245,9 @@ def pairwise_kl(q: Gaussian, sources: Tensor, variance: float) -> Tensor:
     """
     d = q.mu.shape[-1]
     trace = q.scale_tril.square().sum((-2, -1)) / variance
-    own = 0.5 * (d * math.log(variance) - 2 * _log_diagonal(q.scale_tril) + trace - d)
-    apart = _differences(q.mu, sources).square_().sum(-1)
-    return own.unsqueeze(-1) + apart / (2 * variance)
+    shape = 0.5 * (d * math.log(variance) - 2 * _log_diagonal(q.scale_tril) + trace - d)
+    squares = _differences(q.mu, sources).square_().sum(-1)
+    return shape.unsqueeze(-1) + squares / (2 * variance)
 
 
 def _differences(mu: Tensor, sources: Tensor) -> Tensor:
@@ -265,6 +261,6 @@ def pull_of_sources(mu: Tensor, sources: Tensor, variance: float) -> Tensor:
     Only the distances matter: what a component's own covariance adds to its KLs is the same for
     every source and cancels from eq. 5.15.
     """
-    apart = _differences(mu, sources)
-    log_theta, _ = responsibilities((apart * apart).sum(-1) / (2 * variance))
-    return (log_theta.exp().to(mu.dtype).unsqueeze(-2) @ apart).squeeze(-2) / variance
+    differences = _differences(mu, sources)
+    log_theta, _ = responsibilities((differences * differences).sum(-1) / (2 * variance))
+    return (log_theta.exp().to(mu.dtype).unsqueeze(-2) @ differences).squeeze(-2) / variance

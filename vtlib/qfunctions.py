@@ -67,8 +67,8 @@ class RBFLinear:
         # the Gaussian and its normaliser both factor over the axes
         _check_observations(obs, 2)
         columns = obs.transpose(-1, -2).contiguous()
-        apart = columns.unsqueeze(-2) - self._centers.to(obs.device).unsqueeze(-1)
-        axes = apart.square_().mul_(-self._rate)
+        distance = columns.unsqueeze(-2) - self._centers.to(obs.device).unsqueeze(-1)
+        axes = distance.square_().mul_(-self._rate)
         axes = axes.sub_(axes.amax(-2, keepdim=True)).clamp_(min=FAR).exp_()
         axes = axes.div_(axes.sum(-2, keepdim=True))
         axes = torch.threshold_(axes, ROUNDING, 0.0)
@@ -117,14 +117,14 @@ class MLP:
 
     def vjp(self, w: Tensor, x: Tensor) -> tuple[Tensor, Callable[[Tensor], Tensor]]:
         """Values, and the map from a cotangent (R, K, A, B) to a gradient (R, K, d)."""
-        matrices, passed = self._forward(w, x)
+        matrices, outputs = self._forward(w, x)
         backward = _shallow_gradients if len(matrices) == 2 else _gradients
 
         def pullback(cotangent: Tensor) -> Tensor:
-            parts = backward(matrices, passed, cotangent.flatten(0, 1))
+            parts = backward(matrices, outputs, cotangent.flatten(0, 1))
             return torch.cat([part.flatten(1) for part in parts], -1).view(w.shape)
 
-        return passed[-1].unflatten(0, w.shape[:2]), pullback
+        return outputs[-1].unflatten(0, w.shape[:2]), pullback
 
     def _forward(self, w: Tensor, x: Tensor) -> tuple[list[Tensor], list[Tensor]]:
         """Each layer's matrix, and what each layer passes on, of all R * K networks.
@@ -133,43 +133,43 @@ class MLP:
         """
         runs, k, _ = w.shape
         flat = w.reshape(runs * k, -1)
-        passed = [x.unsqueeze(1).expand(-1, k, -1, -1).reshape(runs * k, *x.shape[1:])]
+        outputs = [x.unsqueeze(1).expand(-1, k, -1, -1).reshape(runs * k, *x.shape[1:])]
         matrices: list[Tensor] = []
         at = 0
         for into, out in self._layers:
             matrix = flat[:, at : at + out * into].unflatten(-1, (out, into))
             bias = flat[:, at + out * into : at + out * (into + 1)].unsqueeze(-1)
             if matrices:
-                x = torch.baddbmm(bias, matrix, passed[-1].relu_())
+                x = torch.baddbmm(bias, matrix, outputs[-1].relu_())
             else:
                 matrix = torch.cat([matrix, bias], -1)
-                x = torch.bmm(matrix, passed[-1])
+                x = torch.bmm(matrix, outputs[-1])
             matrices.append(matrix)
-            passed.append(x)
+            outputs.append(x)
             at += out * (into + 1)
-        return matrices, passed
+        return matrices, outputs
 
 
 def _check_observations(obs: Tensor, size: int) -> None:
     if obs.shape[-1] != size:
-        told = f"observations must have {size} numbers for this Q-function"
-        raise ValueError(f"{told}, got {obs.shape[-1]}")
+        need = f"observations must have {size} numbers for this Q-function"
+        raise ValueError(f"{need}, got {obs.shape[-1]}")
 
 
-def _gradients(matrices: list[Tensor], passed: list[Tensor], delta: Tensor) -> list[Tensor]:
+def _gradients(matrices: list[Tensor], outputs: list[Tensor], delta: Tensor) -> list[Tensor]:
     """Backpropagation: gradients of matrix and bias layer by layer, from a cotangent (N, A, B)."""
     parts: list[Tensor] = []
     for layer in range(len(matrices) - 1, 0, -1):
-        into = passed[layer]
+        into = outputs[layer]
         parts = [torch.bmm(delta, into.transpose(1, 2)), delta.sum(-1), *parts]
         # the sign of a ReLU's output is its derivative, and far faster than a mask
         delta = torch.bmm(matrices[layer].transpose(1, 2), delta).mul_(into.sign())
-    first = torch.bmm(delta, passed[0].transpose(1, 2))
+    first = torch.bmm(delta, outputs[0].transpose(1, 2))
     return [first[..., :-1], first[..., -1], *parts]
 
 
 def _shallow_gradients(
-    matrices: list[Tensor], passed: list[Tensor], cotangent: Tensor
+    matrices: list[Tensor], outputs: list[Tensor], cotangent: Tensor
 ) -> list[Tensor]:
     """The same for one hidden layer, from one product with the mask of its units that are on.
 
@@ -177,8 +177,8 @@ def _shallow_gradients(
     are contractions of sum_b cotangent_ab mask_hb x_ib, and the hidden layer is read once.
     """
     first, second = matrices
-    mask = passed[1].sign()
-    outer = (cotangent.unsqueeze(2) * passed[0].unsqueeze(1)).flatten(1, 2)
+    mask = outputs[1].sign()
+    outer = (cotangent.unsqueeze(2) * outputs[0].unsqueeze(1)).flatten(1, 2)
     shape = (-1, second.shape[1], *first.transpose(1, 2).shape[1:])
     moments = torch.bmm(outer, mask.transpose(1, 2)).view(shape)  # (N, A, in + 1, hidden)
     into_second = (moments * first.transpose(1, 2).unsqueeze(1)).sum(2)
@@ -197,8 +197,8 @@ class ModuleQ:
         n_actions = int(n_actions) if isinstance(n_actions, np.int64) else n_actions
         check_whole("n_actions", n_actions)
         check_kind("module", module, nn.Module)
-        if kept := [name for name, _ in module.named_buffers()]:
-            raise ValueError(f"module must have no buffers, it has {', '.join(kept)}")
+        if buffers := [name for name, _ in module.named_buffers()]:
+            raise ValueError(f"module must have no buffers, it has {', '.join(buffers)}")
         if any(isinstance(part, nn.modules.dropout._DropoutNd) for part in module.modules()):
             raise ValueError("module must give the same values each time, it has dropout")
         self.n_actions = n_actions

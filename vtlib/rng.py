@@ -51,8 +51,8 @@ class Stream:
         if self._kind is None:
             self._kind = (kind, n)
         if self._kind != (kind, n):
-            given = f"{self._kind[1]} {self._kind[0]}"
-            raise ValueError(f"this stream yields {given} numbers a draw, not {n} {kind}")
+            first = f"{self._kind[1]} {self._kind[0]}"
+            raise ValueError(f"this stream yields {first} numbers a draw, not {n} {kind}")
         if self._next == self._block.shape[1]:
             ahead = max(1, min(256, BLOCK // max(1, n * len(self._generators))))
             block = np.empty((len(self._generators), ahead, n), np.float32)

@@ -41,8 +41,8 @@ def td_error(
     q, q_next: (..., A, B), actions before transitions; action int64, reward, terminated bool:
     broadcastable to (..., B). A terminal next state has value zero. Returns (..., B).
     """
-    chosen = q.gather(-2, _row(action, q)).squeeze(-2)
-    return reward + gamma * mellowmax(q_next, kappa, -2) * ~terminated - chosen
+    value = q.gather(-2, _row(action, q)).squeeze(-2)
+    return reward + gamma * mellowmax(q_next, kappa, -2) * ~terminated - value
 
 
 def td_cotangent(
@@ -91,10 +91,10 @@ def td_gradients(
     # what networks pass on for all weights at once would not fit into the cache
     gradients = torch.empty_like(w)
     for at in range(0, runs, rows):
-        few = Transition(*(x[at : at + rows] for x in batch))
+        transitions = Transition(*(x[at : at + rows] for x in batch))
         for start in range(0, k, columns):
             part = slice(at, at + rows), slice(start, start + columns)
-            gradients[part] = _td_gradients(q, w[part], few, psi, gamma, kappa)
+            gradients[part] = _td_gradients(q, w[part], transitions, psi, gamma, kappa)
     return gradients
 
 

@@ -45,10 +45,10 @@ class Curves:
 
 @contextlib.contextmanager
 def one_thread() -> Iterator[None]:
-    """All learning is computed so, and torch's own setting restored after it.
+    """Compute with one of torch's threads, and restore its own setting afterwards.
 
-    With more threads torch rounds otherwise; and tensors as small as these take longer, many times
-    as long where processors are busy.
+    With more threads torch rounds otherwise. Small tensors then take longer, too, many times as
+    long where processors are busy.
     """
     before = torch.get_num_threads()
     torch.set_num_threads(1)
@@ -83,24 +83,24 @@ def train(
     names (R,) are used in errors. progress is told the iteration at each evaluation and stops the
     loop by returning False. Raises Diverged when weights are not finite.
     """
-    kept, learning, greedy, prints = [], [], [], []
+    times, learning, greedy, prints = [], [], [], []
     for t in itertools.islice(iterate(agent, episodes), iterations):
         if t in FINGERPRINTS:
             prints.append(fingerprint(agent, episodes))
         if t % every == 0:
             check_finite(agent.mu, names, t)
-            kept.append(t)
+            times.append(t)
             learning.append(episodes.returns.mean().numpy())
             greedy.append(evaluate(agent.mu.cpu()).numpy())
             if progress is not None and not progress(t):
                 break
-    return curves_of(len(names), kept, learning, greedy, prints)
+    return curves_of(len(names), times, learning, greedy, prints)
 
 
-def curves_of(runs: int, kept: Any, learning: Any, greedy: Any, prints: Any) -> Curves:
-    """Curves of what was recorded of all runs at a time, of nothing, too."""
+def curves_of(runs: int, times: Any, learning: Any, greedy: Any, prints: Any) -> Curves:
+    """Curves of what was recorded of all runs at each time, even if that is nothing."""
     return Curves(
-        np.array(kept),
+        np.array(times),
         np.array(learning).reshape(-1, runs).T,
         np.array(greedy).reshape(-1, runs).T,
         np.array(prints).reshape(-1, runs, 4).swapaxes(0, 1),

@@ -27,46 +27,58 @@ from vtlib.td import LEAST_KAPPA, td_gradients
 class Settings:
     """Parameters of variational transfer, named as in the thesis (appendix A).
 
-    family: "gaussian" (GVT) or "mixture" (MGVT) with ``components`` C. lambda_: weight of the KL
-    (eq. 5.2). psi: share of the full gradient (eq. 5.4). kappa: sharpness of mellowmax. gamma:
-    discount. minibatch: transitions per gradient, drawn from the last ``buffer`` ones. n_samples:
-    posterior samples per gradient and component. alpha_mu, alpha_L: step sizes of the means (Adam)
-    and of L (SGD). sigma_p2: variance of the prior's components. sigma_min: least value on the
-    diagonal of L. init: where the posterior starts: "sources" is the minimiser of the KL (the
-    prior, or C different sources); a mixture may start with all components at their "mean", a
-    Gaussian within their "span" (no variance but the sample's). act: draw weights at every "step"
-    or once an "episode". covariance: a name in ``vtlib.posteriors.COVARIANCES``. patience:
-    iterations that only act and remember. jitter: added to the variances of the Gaussian prior,
-    whose covariance is divided by S - ddof. clip: bound on a gradient's entries, None for none;
-    kl_clip: the same for the divergence's gradient with respect to L before it is weighted. kl: the
-    divergence of the "full" L, or of its "diagonal" alone. responsibilities: the "exact" ones, or
-    "equal" for all sources. Raises ValueError for a value outside its range.
+    Raises ValueError for a value outside its range.
     """
 
     transfers: ClassVar[bool] = True
 
+    #: Form of prior and posterior, "gaussian" (GVT) or "mixture" (MGVT).
     family: str = field(default="mixture", validator=one_of(("gaussian", "mixture")))
+    #: How many Gaussians a mixture has, C.
     components: int = field(default=1, validator=whole())
+    #: Weight of the KL (eq. 5.2).
     lambda_: float = field(default=1e-6, validator=between(0, HUGE))
+    #: Share of the full gradient (eq. 5.4).
     psi: float = field(default=0.5, validator=between(0, 1))
+    #: Sharpness of mellowmax.
     kappa: float = field(default=100.0, validator=between(LEAST_KAPPA, HUGE))
+    #: Discount.
     gamma: float = field(default=0.99, validator=between(0, 1, below=True))
+    #: Transitions per gradient, drawn from those remembered.
     minibatch: int = field(default=50, validator=whole())
+    #: How many of the last transitions are remembered.
     buffer: int = field(default=10_000, validator=whole())
+    #: Posterior samples per gradient and component.
     n_samples: int = field(default=10, validator=whole())
+    #: Step size of the means (Adam).
     alpha_mu: float = field(default=1e-3, validator=positive())
+    #: Step size of L (SGD).
     alpha_L: float = field(default=0.1, validator=positive())
+    #: Variance of the components of a mixture prior.
     sigma_p2: float = field(default=1e-5, validator=positive())
+    #: Least value on the diagonal of L.
     sigma_min: float = field(default=1e-4, validator=positive())
+    #: Where the posterior starts. "sources" minimises the KL, at the prior or at C of the sources.
+    #: "mean" starts all components of a mixture at the sources' mean, "span" a Gaussian within the
+    #: sources' span, without variance but theirs.
     init: str = field(default="sources", validator=one_of(("sources", "mean", "span")))
+    #: Whether weights to act with are drawn at every "step" or once an "episode".
     act: str = field(default="step", validator=one_of(("step", "episode")))
+    #: Form of the covariance, a name in ``vtlib.posteriors.COVARIANCES``.
     covariance: str = field(default="full", validator=one_of(COVARIANCES))
+    #: How many first iterations only act and remember.
     patience: int = field(default=0, validator=whole(0))
+    #: What is added to the variances of the Gaussian prior.
     jitter: float = field(default=PRIOR_JITTER, validator=positive())
+    #: The covariance of the Gaussian prior is a sum over S sources divided by S - ddof.
     ddof: int = field(default=0, validator=whole(0, 1))
+    #: Bound on the entries of a gradient, None for none.
     clip: float | None = field(default=1000.0)
+    #: The same for the gradient of the KL by L, before it is weighted.
     kl_clip: float | None = field(default=None)
+    #: Whether the KL is that of the "full" L, or of its "diagonal" alone.
     kl: str = field(default="full", validator=one_of(("full", "diagonal")))
+    #: Responsibilities of the sources, the "exact" ones or "equal" for all.
     responsibilities: str = field(default="exact", validator=one_of(("exact", "equal")))
 
     @clip.validator
@@ -77,15 +89,15 @@ class Settings:
 
     def __attrs_post_init__(self) -> None:
         gaussian = self.family == "gaussian"
-        other = "mean" if gaussian else "span"
-        if self.init == other:
-            raise ValueError(f"init must not be {other!r} for a {self.family} posterior")
+        refused = "mean" if gaussian else "span"
+        if self.init == refused:
+            raise ValueError(f"init must not be {refused!r} for a {self.family} posterior")
         if gaussian and self.components != 1:
-            told = "components must be 1: a gaussian posterior has 1 component"
-            raise ValueError(f"{told}, got {self.components}")
+            rule = "components must be 1: a gaussian posterior has 1 component"
+            raise ValueError(f"{rule}, got {self.components}")
         if self.covariance == "diagonal" and self.init == "span":
-            told = "init must be 'sources', got 'span'"
-            raise ValueError(f"{told}: a diagonal posterior cannot start within the sources' span")
+            rule = "init must be 'sources', got 'span'"
+            raise ValueError(f"{rule}: a diagonal posterior cannot start within the sources' span")
 
     def agent(self, q: QFunction, sources: Tensor, obs_dim: int, rng: Rng) -> VariationalTransfer:
         """An agent that transfers from sources (R, S, d)."""

@@ -16,7 +16,7 @@ import torch
 
 from vtlab import store
 from vtlab.experiment import Experiment
-from vtlab.registry import checks, installed, known, named
+from vtlab.registry import catalogue, checks, installed, named
 from vtlab.reproduce import report, reproduce
 from vtlab.schedule import complete
 from vtlab.verify import verify
@@ -43,45 +43,43 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="python -m vtlab", description=__doc__)
     commands = parser.add_subparsers(required=True, metavar="command")
     count = _like("[1-9][0-9]*", "a whole number of at least 1", int)
-    names = ", ".join([*installed(), *known()])
+    names = ", ".join([*installed(), *catalogue()])
     run = commands.add_parser("run", help="compute what an experiment still lacks, and store it")
     run.add_argument("experiment", help=f"one of {names}")
-    ours = f"Experiments: {names}; and {', '.join(checks())}"
-    told = "recompute the heads of every stored result, and a run drawn at random"
-    verify = commands.add_parser("verify", help=told, epilog=ours)
+    help = "recompute the heads of every stored result, and a run drawn at random"
+    epilog = f"Experiments: {names}; and {', '.join(checks())}"
+    verify = commands.add_parser("verify", help=help, epilog=epilog)
     verify.add_argument("experiment", nargs="*", help="all when none is named")
-    how = verify.add_mutually_exclusive_group()
-    how.add_argument("--whole", action="store_true", help="all runs, whole")
-    how.add_argument("--quick", action="store_true", help="heads alone: the first iterations")
+    extent = verify.add_mutually_exclusive_group()
+    extent.add_argument("--whole", action="store_true", help="all runs, whole")
+    extent.add_argument("--quick", action="store_true", help="heads alone: the first iterations")
     seed = _like("[0-9]+", "a whole number of at least 0", int)
-    how.add_argument("--seed", type=seed, help="draw the runs that this number drew before")
-    again = commands.add_parser("reproduce", help="compute everything anew and compare")
-    again.add_argument("--only", action="append", metavar="EXPERIMENT", help="may be repeated")
-    again.add_argument("--runs", type=count, help="only the first so many of each experiment")
-    for command, work in ((run, _run), (verify, _verify), (again, _reproduce)):
+    extent.add_argument("--seed", type=seed, help="draw the runs that this number drew before")
+    reproduce = commands.add_parser("reproduce", help="compute everything anew and compare")
+    reproduce.add_argument("--only", action="append", metavar="EXPERIMENT", help="may be repeated")
+    reproduce.add_argument("--runs", type=count, help="only the first so many of each experiment")
+    for command, work in ((run, _run), (verify, _verify), (reproduce, _reproduce)):
         command.set_defaults(command=work)
-    for one in entry_points(group="vtlab.commands"):
-        more = commands.add_parser(one.name, help=f"from {one.module}")
-        more.set_defaults(command=lambda _, one=one: one.load()())
-    for command in (run, verify, again):
         command.add_argument("--results", type=Path, default=store.results_folder())
-    for command in (run, again):
-        where = command.add_mutually_exclusive_group()
-        told = "processes; one per core if not given"
-        where.add_argument("--jobs", type=count, help=told)
-        told, address = "of a Dask cluster to use instead", "an address such as tcp://host:8786"
-        scheduler = _like("(tcp|tls|inproc)://[^ ]+", address)
-        where.add_argument("--scheduler", metavar="ADDRESS", type=scheduler, help=told)
-        told = "where posteriors and their networks are kept: cpu, or cuda"
-        device = _like("cpu|cuda(:[0-9]{1,3})?", "cpu, cuda or cuda:N")
-        command.add_argument("--device", type=device, default="cpu", help=told)
+    for entry in entry_points(group="vtlab.commands"):
+        command = commands.add_parser(entry.name, help=f"from {entry.module}")
+        command.set_defaults(command=lambda _, entry=entry: entry.load()())
+    address = _like("(tcp|tls|inproc)://[^ ]+", "an address such as tcp://host:8786")
+    device = _like("cpu|cuda(:[0-9]{1,3})?", "cpu, cuda or cuda:N")
+    for command in (run, reproduce):
+        workers = command.add_mutually_exclusive_group()
+        workers.add_argument("--jobs", type=count, help="processes, by default one per core")
+        help = "of a Dask cluster to use instead"
+        workers.add_argument("--scheduler", metavar="ADDRESS", type=address, help=help)
+        help = "where posteriors and their networks are kept: cpu, or cuda"
+        command.add_argument("--device", type=device, default="cpu", help=help)
     return parser
 
 
-def _like(pattern: str, told: str, kind: type = str) -> Callable[[str], Any]:
+def _like(pattern: str, allowed: str, kind: type = str) -> Callable[[str], Any]:
     def matching(text: str) -> Any:
         if not re.fullmatch(pattern, text):
-            raise argparse.ArgumentTypeError(f"must be {told}, got {text!r}")
+            raise argparse.ArgumentTypeError(f"must be {allowed}, got {text!r}")
         return kind(text)
 
     return matching
@@ -102,39 +100,39 @@ def _run(options: argparse.Namespace) -> int:
     return 0
 
 
-def _chosen(names: Iterable[str]) -> list[Experiment]:
+def _experiments(names: Iterable[str]) -> list[Experiment]:
     """The experiments that names stand for, each once."""
     return list({e.name: e for name in names for e in named(name)}.values())
 
 
 def _verify(options: argparse.Namespace) -> int:
-    usual = [*known(), *(() if options.quick else checks())]
+    usual = [*catalogue(), *(() if options.quick else checks())]
     names, root = options.experiment or usual, options.results
     if options.quick and (whole := [name for name in names if name in checks()]):
         raise ValueError(f"--quick must not be asked of {', '.join(whole)}, which has no heads")
-    experiments = _chosen(name for name in names if name not in checks())
+    experiments = _experiments(name for name in names if name not in checks())
     store.check_readable(root)
     rng, bad = None if options.whole or options.quick else _drawing(options), 0
-    for owner, label, found in verify(*experiments, root=root, rng=rng, quick=options.quick):
-        print(f"{owner.name}/{label}: {found.said}", flush=True)
-        bad += not found.same
+    for owner, label, verdict in verify(*experiments, root=root, rng=rng, quick=options.quick):
+        print(f"{owner.name}/{label}: {verdict.said}", flush=True)
+        bad += not verdict.same
     bad += sum(checks()[name](root, rng) for name in names if name in checks())
     return 1 if bad else 0
 
 
 def _drawing(options: argparse.Namespace) -> np.random.Generator:
-    """What draws a run of each result, and is printed so that it can draw them again."""
+    """What draws a run of each result; its seed is printed, to draw the same runs again."""
     seed = secrets.randbits(32) if options.seed is None else options.seed
     print(f"one run of each result, drawn with --seed {seed}", flush=True)
     return np.random.default_rng(seed)
 
 
 def _reproduce(options: argparse.Namespace) -> int:
-    experiments = _chosen(options.only or known())
+    experiments = _experiments(options.only or catalogue())
     store.check_readable(options.results)
     fresh = Path("_build", f"reproduced-{options.runs}" if options.runs else "reproduced")
     with _workers(options) as executor:
-        given = options.results, fresh, options.runs, executor, options.device
-        comparisons = reproduce(experiments, *given)
+        folders = options.results, fresh
+        comparisons = reproduce(experiments, *folders, options.runs, executor, options.device)
     print("\n".join(report(comparisons)))
     return 0 if all(c.verdict.same for c in comparisons) else 1

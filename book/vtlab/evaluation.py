@@ -14,10 +14,9 @@ from vtlib.rng import Rng
 class Evaluation:
     """Mean discounted return (R,) of ``episodes`` episodes of each run's greedy policy.
 
-    With several weights for a run Q is their "mean", or their "max" at each action (generalised
-    policy improvement); or "each" plays the same episodes, and returns are averaged. Every
-    evaluation draws the same count of random numbers from its own streams, whatever happens in the
-    episodes, and so leaves the learning run alone.
+    Of several weights of a run Q takes the "mean", or the "max" at each action (generalised policy
+    improvement), or "each" plays the same episodes and their returns are averaged. An evaluation
+    always draws as many random numbers, from streams of its own, and so leaves the learning alone.
     """
 
     def __init__(

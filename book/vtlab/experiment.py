@@ -28,8 +28,8 @@ class Algorithm(Protocol):
 
     transfers: ClassVar[bool]
 
-    def agent(self, q: QFunction, given: Tensor, obs_dim: int, rng: Rng, /) -> Agent:
-        """The agent of R runs: sources (R, S, d) are given if it transfers, else weights (R, d)."""
+    def agent(self, q: QFunction, start: Tensor, obs_dim: int, rng: Rng, /) -> Agent:
+        """The agent of R runs: start is sources (R, S, d) if it transfers, else weights (R, d)."""
 
 
 def _check_algorithm(name: str, value: object) -> None:
@@ -42,15 +42,13 @@ def _check_algorithm(name: str, value: object) -> None:
 class Pool:
     """A pool of source tasks of ``family``, solved without transfer.
 
-    A source is kept at the first check, from ``iterations`` on, at which its greedy policy passes
-    twice: over ``episodes`` episodes, and over as many fresh ones, it reaches the ``required``
-    share, as the family measures it. The others are trained on, up to ``limit`` iterations, and
-    then begin anew, from the same weights with other random numbers, until they have had so many
-    ``attempts``. ``common`` starts all
-    networks from the same weights: only then do hidden units stay comparable between sources, so
-    that weights can be averaged. Sources begin episodes where the family has it for sources, or,
-    ``as_targets``, where targets do. Pools that share a ``stream`` share tasks and random numbers.
-    Raises ValueError for a value outside its range.
+    A source is kept at the first check, from ``iterations`` on, at which its greedy policy reaches
+    the ``required`` share twice, over ``episodes`` episodes and over as many fresh ones. Other
+    sources are trained on, up to ``limit`` iterations, and then begin anew from the same weights,
+    until they have had so many ``attempts``. ``common`` starts all networks from the same weights:
+    only then do hidden units stay comparable, so that weights can be averaged. ``as_targets``
+    begins episodes where targets do, not where the family has sources begin. Pools that share a
+    ``stream`` share tasks and random numbers. Raises ValueError for a value outside its range.
     """
 
     name: str = field(validator=checks.name())
@@ -80,17 +78,17 @@ class Pool:
 
 
 class Probe(Protocol):
-    """Looks at an agent at each record; ``arrays`` are stored with the returns."""
+    """What looks at an agent at each record."""
 
     def look(self, agent: Any) -> None:
         """Note what the agent is like now."""
 
     @property
     def arrays(self) -> dict[str, np.ndarray]:
-        """What was noted, over the runs."""
+        """The notes, over the runs, which are stored with the returns."""
 
 
-#: Of an experiment, the label of an algorithm, some runs and their tasks.
+#: Makes a probe from an experiment, the label of an algorithm, some runs and their tasks.
 ProbeMaker = Callable[["Experiment", str, Sequence[int], Tasks], Probe]
 
 
@@ -98,14 +96,13 @@ ProbeMaker = Callable[["Experiment", str, Sequence[int], Tasks], Probe]
 class Experiment:
     """A figure's runs: targets from ``family``, ``sources`` of ``pool`` drawn for each run.
 
-    Returns are recorded ``every`` so many of ``iterations``. Runs are seeded by ``stream``:
-    experiments that share it share targets, sources and random numbers run by run. Each
-    ``runs_per_task`` consecutive runs have one target. ``counts`` names algorithms that use only
-    the first so many of a run's sources; ``excluded`` are sources that no run may draw; ``visits``
-    keeps the positions that the agents visit; ``probe`` makes what looks at the agents along the
-    way, at so many places as ``probes`` says. The greedy return of a mixture is that of its mean
-    Q-function, or the mean over ``each`` of its components. Raises ValueError for a value outside
-    its range.
+    Returns are recorded ``every`` so many of ``iterations``. Experiments that share a ``stream``
+    share targets, sources and random numbers run by run. Each ``runs_per_task`` consecutive runs
+    have one target. ``counts`` names algorithms that use only the first so many of a run's sources;
+    ``excluded`` are sources that no run may draw; ``visits`` keeps the positions that the agents
+    visit; ``probe`` makes what looks at the agents at each record, in so many places as ``probes``
+    says. The greedy return of a mixture is that of its mean Q-function, or the mean over ``each``
+    of its components. Raises ValueError for a value outside its range.
     """
 
     name: str = field(validator=checks.name())
@@ -128,7 +125,7 @@ class Experiment:
     each: bool = field(default=False, validator=checks.kind(bool))
 
     def __attrs_post_init__(self) -> None:
-        # sources are of use only to tasks with the same Q-function
+        # sources can serve only tasks with the same Q-function
         check_kind("family", self.family, type(self.pool.family))
         if not self.algorithms:
             raise ValueError(f"algorithms must name at least one, got {shown(self.algorithms)}")
@@ -139,8 +136,8 @@ class Experiment:
             _check_algorithm(f"algorithms[{label!r}]", algorithm)
         check_whole("every", self.every, 1, self.iterations)
         if self.runs % self.runs_per_task:
-            told = f"runs_per_task must divide the {self.runs} runs"
-            raise ValueError(f"{told}, got {self.runs_per_task}")
+            rule = f"runs_per_task must divide the {self.runs} runs"
+            raise ValueError(f"{rule}, got {self.runs_per_task}")
         for index in self.excluded:
             check_whole("excluded", index, 0, self.pool.count - 1)
         check_whole("sources", self.sources, 1, len(self.eligible))
@@ -149,7 +146,7 @@ class Experiment:
             check_whole(f"counts[{label!r}]", count, 1, self.sources)
         if bool(self.probes) != (self.probe is not None):
             raise ValueError(f"probes must be 0 without a probe, else more, got {self.probes}")
-        if self.probes and not all(one.transfers for one in self.algorithms.values()):
+        if self.probes and not all(x.transfers for x in self.algorithms.values()):
             raise ValueError(f"probes must be 0 unless all algorithms transfer, got {self.probes}")
 
     @property

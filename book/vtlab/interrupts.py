@@ -1,10 +1,9 @@
 """Ctrl-C and the like end a command at once: what is stored is whole, whenever that happens.
 
-An orderly end would wait for workers, which are what one may want to be rid of. Files appear under
-their names only when they are complete, so nothing has to be tidied up but processes.
+Files appear under their names only when they are complete, so only processes have to be tidied up.
 """
 
-# what takes long to import is imported where it is needed: no handler stands before these are
+# slow modules are imported where they are needed, so that the handlers stand before
 import atexit
 import contextlib
 import os
@@ -21,11 +20,10 @@ LINE = b"\nvtlab: interrupted; run and reproduce go on from here\n"
 def end_at_once() -> None:
     """From now on SIGINT and SIGTERM end this process, with one line and exit code 128 + signal.
 
-    Not once its work is done: Python takes a good part of a second to leave, and takes its handlers
-    away before. Nor can it cover the tenth of a second that Python takes to start, before any line
-    of ours runs: SIGINT prints a traceback then.
+    Once its work is done they are ignored while Python leaves. In the tenth of a second before,
+    in which Python starts, SIGINT prints a traceback.
     """
-    _answer(_leave)  # nothing has to be tidied up before what follows is imported
+    _answer(_leave)  # there are no processes to end before the next import
     import multiprocessing
 
     def tidy_up_and_leave(number: int, frame: FrameType | None) -> None:
@@ -42,7 +40,7 @@ def for_this_process_alone() -> Iterator[None]:
     """Threads and processes begun meanwhile never see SIGNALS, which may be sent to all."""
     from multiprocessing import resource_tracker
 
-    # It tidies up after the others and says so; begun later, it would let signals in again.
+    # The tracker prints what it tidies up; begun later, it would let signals in again.
     if QUIET not in sys.warnoptions:
         sys.warnoptions.append(QUIET)
     resource_tracker.ensure_running()

@@ -11,11 +11,11 @@ from vtlib.stats import checked_runs
 def same_distribution_p(a: ndarray, b: ndarray, rng: Generator, draws: int = 10_000) -> float:
     """P value of the hypothesis that paired runs a (R,) and b (R,) could be exchanged.
 
-    Statistic: the Kolmogorov-Smirnov distance of the two samples; its law under the hypothesis
-    comes from exchanging the two runs of random pairs (in all ways, where those are fewer than the
-    draws), so runs of equal seeds may depend on each other. Source: Good (2005).
+    The statistic is the Kolmogorov-Smirnov distance of the samples. Its law comes from exchanging
+    the two runs of random pairs, or of all where those are few, so runs of equal seeds may depend
+    on each other. Source: Good (2005).
     """
-    found = scipy.stats.permutation_test(
+    test = scipy.stats.permutation_test(
         checked_runs(a, b),
         _distance,
         permutation_type="samples",
@@ -25,7 +25,7 @@ def same_distribution_p(a: ndarray, b: ndarray, rng: Generator, draws: int = 10_
         alternative="greater",
         rng=rng,
     )
-    return float(found.pvalue)
+    return float(test.pvalue)
 
 
 def _distance(x: ndarray, y: ndarray, axis: int) -> ndarray:

@@ -17,12 +17,12 @@ def installed() -> Mapping[str, Mapping[str, Experiment]]:
     """Collections of experiments, by name, that installed packages offer.
 
     A package offers one by an entry point of the group "vtlab.experiments": a mapping from names
-    to experiments. Without it one's own run, are stored and verify all the same, from Python.
+    to experiments.
     """
-    return {one.name: one.load() for one in entry_points(group="vtlab.experiments")}
+    return {entry.name: entry.load() for entry in entry_points(group="vtlab.experiments")}
 
 
-def known() -> dict[str, Experiment]:
+def catalogue() -> dict[str, Experiment]:
     """All experiments that installed packages offer, by their names."""
     return {name: e for offered in installed().values() for name, e in offered.items()}
 
@@ -31,16 +31,16 @@ def named(name: str) -> list[Experiment]:
     """The experiments that a name stands for, of one or of a collection; ValueError for none."""
     if name in installed():
         return list(installed()[name].values())
-    if name not in known():
-        near = " or ".join(get_close_matches(name, known()) or installed())
+    if name not in catalogue():
+        near = " or ".join(get_close_matches(name, catalogue()) or installed())
         raise ValueError(f"unknown experiment {shown(name)}, {near} perhaps; run --help lists all")
-    return [known()[name]]
+    return [catalogue()[name]]
 
 
 @functools.cache
 def checks() -> Mapping[str, Callable[[Path, np.random.Generator | None], int]]:
-    """What `verify` calls beside its own, by name, as packages offer in the group "vtlab.checks".
+    """Checks that `verify` calls, too, by name, which packages offer in the group "vtlab.checks".
 
-    Each says of the results in a folder, all or what a generator draws, how many are wrong.
+    Each counts the results in a folder that are wrong, among all or among those a generator draws.
     """
-    return {one.name: one.load() for one in entry_points(group="vtlab.checks")}
+    return {entry.name: entry.load() for entry in entry_points(group="vtlab.checks")}

@@ -15,7 +15,7 @@ from vtlab.verify import Verdict, compare, count_of
 
 @frozen
 class Comparison:
-    """How a result computed anew, and what that took of a processor, compares with the stored."""
+    """The verdict on a result computed anew, and what that took of a processor."""
 
     owner: str
     label: str
@@ -34,8 +34,8 @@ def reproduce(
 ) -> list[Comparison]:
     """Compute experiments under ``fresh``, resuming there, and compare with those under root.
 
-    Only the first ``runs`` of each are computed, if so many are asked for. executor and device: as
-    for ``schedule.complete``.
+    Only the first ``runs`` of each are computed, unless that is None; the rest is as for
+    ``schedule.complete``.
     """
     if fresh.resolve() == root.resolve():
         raise ValueError(f"results must be compared with others than themselves, got {fresh} twice")
@@ -52,7 +52,7 @@ def reproduce(
 
 
 def first_runs(experiment: Experiment, runs: int) -> Experiment:
-    """The experiment with its first runs alone: all that tasks share which have one of them."""
+    """The experiment with its first runs alone, and with all runs of the tasks that these have."""
     whole = ceil(runs / experiment.runs_per_task) * experiment.runs_per_task
     return evolve(experiment, runs=min(whole, experiment.runs))
 
@@ -61,11 +61,11 @@ def _compared(
     owner: Pool | Experiment, new: Pool | Experiment, label: str, root: Path, fresh: Path
 ) -> Comparison:
     """A result stored under root against the one that ``new``, the first runs, left in fresh."""
-    anew, note = store.stored(new, label, fresh)
+    arrays, note = store.stored(new, label, fresh)
     verdict = Verdict(True, "nothing stored to compare with")
     if store.exists(store.path_of(owner, label, root)):
         old = store.stored(owner, label, root)
-        verdict = compare(owner, *old, anew, range(count_of(new)), note["machine"])
+        verdict = compare(owner, *old, arrays, range(count_of(new)), note["machine"])
     return Comparison(owner.name, label, note["seconds"], note["megabytes"], verdict)
 
 
@@ -73,10 +73,10 @@ def report(comparisons: Sequence[Comparison]) -> list[str]:
     """Lines to print: each pool and experiment with what it took, then its results."""
     lines = []
     for owner in dict.fromkeys(c.owner for c in comparisons):
-        mine = [c for c in comparisons if c.owner == owner]
-        seconds, peak = sum(c.seconds for c in mine), max(c.megabytes for c in mine)
+        group = [c for c in comparisons if c.owner == owner]
+        seconds, peak = sum(c.seconds for c in group), max(c.megabytes for c in group)
         lines.append(f"{owner}: {seconds:.0f} s of one core, {peak} MB at most in a process")
-        lines += [f"  {c.label}: {c.verdict.said}" for c in mine]
+        lines += [f"  {c.label}: {c.verdict.said}" for c in group]
     bad = sum(not c.verdict.same for c in comparisons)
     return [
         *lines,

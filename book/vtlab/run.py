@@ -50,15 +50,14 @@ def prepare(
 ) -> Batch:
     """Agents, episodes and evaluation of some runs of an algorithm.
 
-    weights (count, d) are those of the pool's sources. Posteriors live on the device. Raises
-    ValueError when an algorithm that transfers is given weights that are not finite, not float32
-    or of another shape.
+    Posteriors live on the device. Raises ValueError unless weights (count, d) are those of a pool,
+    finite and float32, where the algorithm transfers.
     """
     family, rng = experiment.family, Rng(experiment.stream, runs)
-    tasks, given = targets(experiment, runs), _given(experiment, label, runs, weights)
+    tasks, start = targets(experiment, runs), _start(experiment, label, runs, weights)
     noise, starts = rng.stream("noise"), rng.stream("start")
     return Batch(
-        experiment.algorithms[label].agent(family.q(), given.to(device), tasks.obs_dim, rng),
+        experiment.algorithms[label].agent(family.q(), start.to(device), tasks.obs_dim, rng),
         Episodes(tasks, noise, starts, family.window, experiment.visits),
         _evaluation(experiment, runs),
     )
@@ -70,13 +69,13 @@ def _evaluation(experiment: Experiment, runs: Sequence[int]) -> Evaluation:
     return Evaluation(q, targets(experiment, runs), rng, EVALUATION_EPISODES, over)
 
 
-def _given(experiment: Experiment, label: str, runs: Sequence[int], weights: np.ndarray) -> Tensor:
+def _start(experiment: Experiment, label: str, runs: Sequence[int], weights: np.ndarray) -> Tensor:
     """What an algorithm begins with: the sources (R, S, d) of each run, or first weights (R, d)."""
     if not experiment.algorithms[label].transfers:
         return experiment.family.first_weights(experiment.stream, runs)
     check_pool_weights(experiment.pool, weights)
-    chosen = chosen_sources(experiment, runs)[:, : experiment.sources_of(label)]
-    return torch.from_numpy(weights[chosen])
+    sources = chosen_sources(experiment, runs)[:, : experiment.sources_of(label)]
+    return torch.from_numpy(weights[sources])
 
 
 @one_thread()
@@ -89,21 +88,19 @@ def run_batch(
     device: str = "cpu",
     threads: int = 1,
 ) -> dict[str, np.ndarray]:
-    """Train some runs of the algorithm of that label to the experiment's end: arrays to store.
+    """Train some runs of an algorithm: arrays to store.
 
-    run (R,), iterations (T,) at which returns were recorded, learning and greedy returns (R, T),
+    They are run (R,), iterations (T,) of the records, learning and greedy returns (R, T),
     fingerprints (R, 3, 4), and whatever the experiment's visits and probes add, over the runs.
-    weights and device are as for ``prepare``; progress is told the iteration at each record, and
-    stops the training by returning False. Another engine can stand here, as the kernels do: they
-    advance as many runs at once as there are threads.
+    weights and device are as for ``prepare``; progress gets the iteration at each record, and stops
+    the training by returning False. The kernels advance as many runs at once as there are threads.
     """
     names = [f"run {run} of {experiment.name}, {label}" for run in runs]
-    how = experiment.iterations, experiment.every, names, progress
-    more: dict[str, np.ndarray] = {}
-    known = device == "cpu" and by_kernels(experiment, label)
-    alone = prepare_natively(experiment, label, runs, weights) if known else None
-    if alone is not None:
-        curves = train_natively(alone, _evaluation(experiment, runs), *how, threads)
+    arguments = experiment.iterations, experiment.every, names, progress
+    records: dict[str, np.ndarray] = {}
+    natively = device == "cpu" and by_kernels(experiment, label)
+    if natively and (native := prepare_natively(experiment, label, runs, weights)):
+        curves = train_natively(native, _evaluation(experiment, runs), *arguments, threads)
     else:
         batch, probe = prepare(experiment, label, runs, weights, device), None
         if experiment.probe is not None:
@@ -114,18 +111,18 @@ def run_batch(
                 probe.look(batch.agent)
             return batch.evaluate(mu)
 
-        curves = train(batch.agent, batch.episodes, evaluate, *how)
+        curves = train(batch.agent, batch.episodes, evaluate, *arguments)
         if experiment.visits:
-            more["visited"] = batch.episodes.visited.numpy()
+            records["visited"] = batch.episodes.visited.numpy()
         if probe is not None:
-            more |= probe.arrays
+            records |= probe.arrays
     return {
         "run": np.array(runs),
         "iterations": curves.iterations,
         "learning": curves.learning.astype(np.float32),
         "greedy": curves.greedy.astype(np.float32),
         "fingerprints": curves.fingerprints,
-        **more,
+        **records,
     }
 
 
@@ -136,9 +133,9 @@ def prepare_natively(
     family, algorithm, stream = experiment.family, experiment.algorithms[label], experiment.stream
     if not supports(family, algorithm, experiment.sources_of(label)):
         return None
-    tasks, given = targets(experiment, runs), _given(experiment, label, runs, weights)
+    tasks, start = targets(experiment, runs), _start(experiment, label, runs, weights)
     return [
-        NativeRun(family, tasks, row, algorithm, given[row], stream, run)
+        NativeRun(family, tasks, row, algorithm, start[row], stream, run)
         for row, run in enumerate(runs)
     ]
 
@@ -146,9 +143,9 @@ def prepare_natively(
 def by_kernels(experiment: Experiment, label: str) -> bool:
     """Whether the stored result of a label is the kernels', which compute each run alone."""
     if label not in experiment.algorithms or experiment.visits or experiment.probe:
-        return False  # what is more than returns only the engine tells
-    known = experiment.family, experiment.algorithms[label], experiment.sources_of(label)
-    return supports(*known)
+        return False  # the kernels record nothing but returns
+    algorithm, sources = experiment.algorithms[label], experiment.sources_of(label)
+    return supports(experiment.family, algorithm, sources)
 
 
 def head(

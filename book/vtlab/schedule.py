@@ -27,7 +27,7 @@ def keep(unit: Unit, arrays: store.Arrays, note: store.Note, root: Path) -> None
 
 
 def check(units: Iterable[Unit], root: Path) -> None:
-    """Raise TornResult where what is stored of the units is not theirs, or damaged."""
+    """Raise TornResult where a unit's stored result or part is damaged or not the unit's."""
     places = {path: unit for unit in units for path in (root / unit.result, root / unit.part)}
     for path, unit in places.items():
         if store.exists(path):
@@ -42,11 +42,11 @@ def join_finished(units: Iterable[Unit], root: Path) -> None:
             if not all(store.exists(root / unit.part) for unit in group):
                 continue
             parts, notes = zip(*(store.read(root / unit.part) for unit in group), strict=True)
-            took = {
+            costs = {
                 "seconds": round(sum(note["seconds"] for note in notes), 2),
                 "megabytes": max(note["megabytes"] for note in notes),
             }
-            store.save(root / result, joined(parts), notes[0] | took)
+            store.save(root / result, joined(parts), notes[0] | costs)
         for unit in group:
             store.remove(root / unit.part)
 
@@ -56,12 +56,11 @@ def complete(
     root: Path,
     executor: Executor | None = None,
     device: str = "cpu",
-    quiet: bool = False,
 ) -> None:
     """Compute whatever the experiments, and the pools that they need, still lack under root.
 
-    By an executor, or else by one process of this machine for each core: then a script needs the
-    guard ``if __name__ == "__main__"``, for each process begins by importing it. Posteriors live on
+    Without an executor a process for each core computes: then a script needs the guard
+    ``if __name__ == "__main__"``, because each process begins by importing it. Posteriors live on
     the device. Raises, before any work, OSError where root cannot be written to, TornResult where
     something stored there is not theirs.
     """
@@ -76,20 +75,18 @@ def complete(
     missing = [u for u in units if not any(store.exists(root / x) for x in (u.result, u.part))]
     if missing:
         with contextlib.nullcontext(executor) if executor else processes() as workers:
-            _compute_all(missing, root, workers, device, quiet)
-    # a name that begins with a dot is what a kill left half written
+            _compute_all(missing, root, workers, device)
+    # a file whose name begins with a dot was left half written by a kill
     if not any(p.is_file() and not p.name.startswith(".") for p in (root / "parts").rglob("*")):
         shutil.rmtree(root / "parts", ignore_errors=True)
 
 
-def _compute_all(
-    missing: Sequence[Unit], root: Path, executor: Executor, device: str, quiet: bool
-) -> None:
+def _compute_all(missing: Sequence[Unit], root: Path, executor: Executor, device: str) -> None:
     """Hand out units as soon as their pools are solved, and keep what comes back."""
     seconds = {unit.part: unit.expected_seconds for unit in missing}
     form = "{percentage:3.0f}%|{bar}| {elapsed} gone, {remaining} left"
     # the time left follows from the average speed of all that was done
-    bar = tqdm(total=sum(seconds.values()), disable=quiet, smoothing=0, bar_format=form)
+    bar = tqdm(total=sum(seconds.values()), smoothing=0, bar_format=form)
     waiting, running = list(missing), dict[Future[tuple[store.Arrays, store.Note]], Unit]()
     with bar:
         while waiting or running:
@@ -102,7 +99,7 @@ def _compute_all(
                 running[executor.submit(compute, unit, weights, device)] = unit
             waiting = blocked
             ended = wait(running, return_when=FIRST_COMPLETED).done
-            # what is done is kept before an error of another unit ends the work
+            # finished units are kept before an error of another one ends the work
             for future in sorted(ended, key=lambda x: x.exception() is not None):
                 unit = running.pop(future)
                 arrays, note = future.result()
@@ -112,7 +109,7 @@ def _compute_all(
 
 
 def _check_versions(note: store.Note) -> None:
-    """Raise ValueError where a worker has others than are here, which would mix results."""
+    """Raise ValueError where a worker has other versions, which would mix results."""
     here, there = {"vtlib": __version__, **store.machine()}, {**note, **note["machine"]}
     for name in ("vtlib", "torch", "numpy"):
         if there[name] != here[name]:

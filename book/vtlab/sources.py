@@ -1,6 +1,6 @@
 """Source tasks: solved without transfer, checked against the optimum, trained on if short."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from itertools import islice
 from typing import Protocol, runtime_checkable
 
@@ -10,7 +10,7 @@ import torch
 from vtlab.evaluation import Evaluation
 from vtlab.experiment import Pool
 from vtlib.checks import check_kind, check_weights
-from vtlib.episodes import Episodes, Tasks
+from vtlib.episodes import Episodes
 from vtlib.rng import Rng, Stream
 from vtlib.training import FINGERPRINTS, Agent, check_finite, fingerprint, iterate, one_thread
 
@@ -26,7 +26,7 @@ class Learner(Agent, Protocol):
 
 
 class AttemptRng(Rng):
-    """Random numbers of an attempt to solve sources; those of the first, 0, bear no number."""
+    """Random numbers of an attempt to solve sources; streams of the first, 0, bear no number."""
 
     def __init__(self, experiment: str, runs: Sequence[int], attempt: int) -> None:
         super().__init__(experiment, runs)
@@ -43,18 +43,13 @@ def check_pool_weights(pool: Pool, weights: object) -> None:
     check_weights(f"weights of {pool.name}", weights, pool.count, pool.family.q().d)
 
 
-def pool_tasks(pool: Pool, sources: Sequence[int]) -> Tasks:
-    """The tasks of some sources of a pool, whatever the others are."""
-    return pool.family.source_tasks(pool.stream, sources)
-
-
 class SourceTraining:
     """Learning of some sources of a pool, in lock-step; their first attempt is number 0."""
 
     def __init__(self, pool: Pool, sources: Sequence[int], attempt: int = 0) -> None:
         family, rng = pool.family, AttemptRng(pool.stream, sources, attempt)
         self.names = [f"source {i} of {pool.name}" for i in sources]
-        self.tasks, q = pool_tasks(pool, sources), family.q()
+        self.tasks, q = family.source_tasks(pool.stream, sources), family.q()
         start = family.first_weights(pool.stream, [0] * len(sources) if pool.common else sources)
         agent = pool.settings.agent(q, start, self.tasks.obs_dim, rng)
         if not isinstance(agent, Learner):
@@ -83,29 +78,27 @@ class SourceTraining:
         self.names = [self.names[row] for row in rows]
 
 
-def solve(
-    pool: Pool, sources: Sequence[int], progress: Callable[[int], object] = lambda done: None
-) -> dict[str, np.ndarray]:
+def solve(pool: Pool, sources: Sequence[int]) -> dict[str, np.ndarray]:
     """Train and check some sources of a pool until each is solved or has had its attempts.
 
     Returns arrays over the sources: index, the tasks' parameters, weights (S, d), iterations
-    trained in all, greedy (return of the kept weights), optimum, solved, fingerprints, and what
-    the kept weights earn on episodes that decided nothing: fresh, and whether that passes, passes.
+    trained in all, greedy (return of the kept weights), optimum, solved, fingerprints, fresh (their
+    return on episodes that decided nothing) and passes (whether that return solves the task).
     """
-    found = _attempt(pool, sources, 0, progress)
+    arrays = _attempt(pool, sources, 0)
     for attempt in range(1, pool.attempts):
-        left = np.flatnonzero(~found["solved"]).tolist()
-        if not left:
+        unsolved = np.flatnonzero(~arrays["solved"])
+        if not len(unsolved):
             break
-        again = _attempt(pool, [sources[i] for i in left], attempt, progress)
-        better = again["solved"] | (again["greedy"] > found["greedy"][left])
+        new = _attempt(pool, [sources[i] for i in unsolved.tolist()], attempt)
+        better = new["solved"] | (new["greedy"] > arrays["greedy"][unsolved])
         for key in ("weights", "iterations", "greedy", "solved"):
-            found[key][np.array(left)[better]] = again[key][better]
+            arrays[key][unsolved[better]] = new[key][better]
     return {
         "index": np.array(sources),
-        **pool.family.values(pool_tasks(pool, sources)),
-        **found,
-        **judge(pool, sources, found["weights"], found["optimum"]),
+        **pool.family.values(pool.family.source_tasks(pool.stream, sources)),
+        **arrays,
+        **judge(pool, sources, arrays["weights"], arrays["optimum"]),
     }
 
 
@@ -113,56 +106,47 @@ def judge(
     pool: Pool, sources: Sequence[int], weights: np.ndarray, optimum: np.ndarray
 ) -> dict[str, np.ndarray]:
     """What weights (S, d) of some sources earn on fresh episodes (S,), and which pass (S,)."""
-    tasks, rng = pool_tasks(pool, sources), Rng(f"{pool.stream} fresh", sources)
+    tasks = pool.family.source_tasks(pool.stream, sources)
+    rng = Rng(f"{pool.stream} fresh", sources)
     evaluate = Evaluation(pool.family.q(), tasks, rng, FRESH)
     returns = evaluate.episodes(torch.from_numpy(weights).unsqueeze(1))
     passes = pool.family.solved(returns, torch.from_numpy(optimum), pool.required)
     return {"fresh": returns.mean(1).numpy(), "passes": passes.numpy()}
 
 
-def _attempt(
-    pool: Pool, sources: Sequence[int], attempt: int, progress: Callable[[int], object]
-) -> dict[str, np.ndarray]:
+def _attempt(pool: Pool, sources: Sequence[int], attempt: int) -> dict[str, np.ndarray]:
     """One attempt to solve some sources: what each keeps, and its fingerprints."""
     training, before = SourceTraining(pool, sources, attempt), attempt * pool.limit
-    left = torch.arange(len(sources))  # those still trained, by their places among the sources
+    left = torch.arange(len(sources))  # places of the sources that are still trained
     optimum = pool.family.optimum(training.tasks)
     weights = torch.zeros_like(training.agent.mu[:, 0])
     greedy = torch.full_like(optimum, -torch.inf)
-    trained = torch.zeros(len(sources), dtype=torch.int64)
+    iterations = torch.zeros(len(sources), dtype=torch.int64)
     solved = torch.zeros(len(sources), dtype=torch.bool)
-    while training.steps < pool.iterations:
-        training.advance(min(pool.check_every, pool.iterations - training.steps))
-        progress(before + training.steps)
+    training.advance(pool.iterations)
     while True:
         returns = training.evaluate.episodes(training.agent.mu)
-        earned = returns.mean(1)
-        passed = pool.family.solved(returns, optimum[left], pool.required)
-        if passed.any():  # the check that ends the training is partly luck: fresh episodes decide
-            again = training.evaluate.episodes(training.agent.mu)
-            passed &= pool.family.solved(again, optimum[left], pool.required)
-            earned = torch.where(passed, again.mean(1), earned)
+        means = returns.mean(1)
+        passes = pool.family.solved(returns, optimum[left], pool.required)
+        if passes.any():  # the check that ends the training is partly luck: fresh episodes decide
+            fresh = training.evaluate.episodes(training.agent.mu)
+            passes &= pool.family.solved(fresh, optimum[left], pool.required)
+            means = torch.where(passes, fresh.mean(1), means)
         # an unsolved source keeps the best weights that any check has seen
-        better = passed | (earned > greedy[left])
+        better = passes | (means > greedy[left])
         weights[left[better]] = training.agent.mu.detach()[better, 0]
-        greedy[left[better]] = earned[better]
-        trained[left[better]] = before + training.steps
-        solved[left[passed]] = True
+        greedy[left[better]] = means[better]
+        iterations[left[better]] = before + training.steps
+        solved[left[passes]] = True
         if solved.all() or training.steps >= pool.limit:
             break
-        if passed.any():
-            training.keep((~passed).nonzero().flatten().tolist())
-            left = left[~passed]
+        if passes.any():
+            training.keep((~passes).nonzero().flatten().tolist())
+            left = left[~passes]
         training.advance(pool.check_every)
-        progress(before + training.steps)
-    return {
-        "weights": weights.numpy(),
-        "iterations": trained.numpy(),
-        "greedy": greedy.numpy(),
-        "optimum": optimum.numpy(),
-        "solved": solved.numpy(),
-        "fingerprints": np.stack(training.fingerprints, 1),
-    }
+    tensors = {"weights": weights, "iterations": iterations, "greedy": greedy, "optimum": optimum}
+    arrays = {key: tensor.numpy() for key, tensor in (tensors | {"solved": solved}).items()}
+    return arrays | {"fingerprints": np.stack(training.fingerprints, 1)}
 
 
 @one_thread()

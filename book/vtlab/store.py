@@ -1,8 +1,8 @@
 """Stored runs: one .npz of plain arrays and one .json of provenance, written once and verified.
 
-The .json is written last and holds the digest of the .npz, so a file cut short or altered is
-noticed when it is read, and a pair is either complete or absent. What belongs to a pool or an
-experiment also holds the configuration that it was computed under, and is refused under another.
+The .json is written last and holds the digest of the .npz: a pair is complete or absent, and a file
+that was cut short or altered is noticed when it is read. The .json of a pool or an experiment also
+holds its configuration, and the result is refused under another one.
 """
 
 import hashlib
@@ -11,7 +11,6 @@ import json
 import math
 import os
 import platform
-import shutil
 import tempfile
 from collections.abc import Iterable
 from pathlib import Path
@@ -31,39 +30,32 @@ from vtlib.files import TornResult, write_bytes
 
 Arrays = dict[str, np.ndarray]
 Note = dict[str, Any]  # plain JSON values
-# What an experiment's targets depend on, and what its runs depend on beside that and the algorithm.
+# The fields that an experiment's targets depend on, and those that only its runs depend on.
 OF_TASKS = ("family", "runs", "sources", "stream", "runs_per_task", "excluded")
-ROOM = 64 << 20  # bytes; a result has a hundredth of it
 OF_RUNS = ("iterations", "every", "visits", "probes", "each")
 
 
 def results_folder() -> Path:
-    """Where the book's stored runs lie: book/results beside the package of a checkout.
-
-    Without a checkout it is the folder results where the command is given. The environment's
-    VTLIB_RESULTS names another one, for a book of runs computed anew.
-    """
+    """Where stored runs lie: VTLIB_RESULTS, else book/results of a checkout, else ./results."""
     book = Path(__file__).resolve().parents[1] / "results"
     return Path(os.environ.get("VTLIB_RESULTS", book if book.is_dir() else "results"))
 
 
 def check_writable(root: Path) -> None:
-    """Make a folder for results unless it is there; OSError names it if it cannot take any."""
+    """Make a folder for results unless it is there; OSError says why it cannot take any."""
     try:
         root.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=root):
-            free = shutil.disk_usage(root).free
+        tempfile.TemporaryFile(dir=root).close()
     except OSError as error:
         raise OSError(f"results cannot be written to {root}: {error.strerror}") from error
-    if free < ROOM:
-        raise OSError(f"results need {ROOM >> 20} MB, {root} has {free >> 20} MB left")
 
 
 def check_readable(root: Path) -> None:
-    """Raise FileNotFoundError unless there is a folder of results to compare with."""
+    """Raise FileNotFoundError, and say what to do, unless there is a folder of results."""
     if not root.is_dir():
         raise FileNotFoundError(
-            f"there is no folder {root}: the book's results are book/results of its repository"
+            f"there is no folder {root}: the book's results are book/results of its repository; "
+            "run in a checkout, or set VTLIB_RESULTS to that folder"
         )
 
 
@@ -90,16 +82,6 @@ def save(path: Path, arrays: Arrays, provenance: Note) -> None:
     write_bytes(path.with_name(path.name + ".json"), text.encode())
 
 
-def _elsewhere() -> str:
-    """What to do where no results are stored at all, as after an installation without them."""
-    if (folder := results_folder()).is_dir():
-        return ""
-    return (
-        f", for there is no folder {folder}: the book's results are book/results of its "
-        "repository; run in a checkout, or set VTLIB_RESULTS to that folder"
-    )
-
-
 def read(path: Path) -> tuple[Arrays, Note]:
     """Arrays and provenance of a stored result.
 
@@ -107,19 +89,18 @@ def read(path: Path) -> tuple[Arrays, Note]:
     """
     npz, note = path.with_name(path.name + ".npz"), path.with_name(path.name + ".json")
     if not note.exists():
-        raise FileNotFoundError(f"no stored result at {path}{_elsewhere()}")
+        check_readable(results_folder())  # an installation has none
+        raise FileNotFoundError(f"no stored result at {path}")
     try:
-        provenance = json.loads(note.read_text())
-        if not (isinstance(provenance, dict) and isinstance(provenance.get("sha256"), str)):
-            raise TornResult(f"{note} is no provenance: it must be an object with a text sha256")
+        provenance: Note = json.loads(note.read_text())
         data = npz.read_bytes()
         if hashlib.sha256(data).hexdigest() != provenance["sha256"]:
             raise TornResult(f"{npz} is not the file that was stored: its digest differs")
-        with np.load(io.BytesIO(data), allow_pickle=False) as stored:
-            return dict(stored), provenance
+        with np.load(io.BytesIO(data), allow_pickle=False) as arrays:
+            return dict(arrays), provenance
     except TornResult:
         raise
-    except Exception as error:  # a damaged file fails in as many ways as its readers have
+    except Exception as error:  # a damaged file may raise anything
         raise TornResult(f"{path} cannot be read: {one_line(error)}") from error
 
 
@@ -135,31 +116,26 @@ def exists(path: Path) -> bool:
 
 
 def remove(path: Path) -> None:
-    """Delete a stored result, provenance first, so that no half of it is ever taken for whole."""
+    """Delete a stored result, provenance first, so that what is left is never taken for it."""
     for ending in (".json", ".npz"):
         path.with_name(path.name + ending).unlink(missing_ok=True)
 
 
 def same_arrays(a: Arrays, b: Arrays) -> bool:
     """Whether two results hold the same arrays, bit for bit."""
-
-    def bits(array: np.ndarray) -> tuple[str, tuple[int, ...], bytes]:
-        array = np.asarray(array)
-        return array.dtype.str, array.shape, array.tobytes()
-
-    return a.keys() == b.keys() and all(bits(a[k]) == bits(b[k]) for k in a)
+    first, second = (
+        {key: (x.dtype.str, x.shape, x.tobytes()) for key, x in arrays.items()} for arrays in (a, b)
+    )
+    return first == second
 
 
 def machine(device: str = "cpu") -> dict[str, str]:
-    """Versions and processor, for the provenance of a result.
-
-    Beside them the device, unless it is the processor, and kernels: "none", where none is compiled.
-    """
-    beside = {} if device == "cpu" else {"device": torch.cuda.get_device_name(device)}
+    """Versions and processor, the device unless it is that, and whether there are no kernels."""
+    parts = {} if device == "cpu" else {"device": torch.cuda.get_device_name(device)}
     if native.level() is None:
-        beside["kernels"] = "none"
+        parts["kernels"] = "none"
     return {
-        **beside,
+        **parts,
         "python": platform.python_version(),
         "torch": torch.__version__,
         "numpy": np.__version__,
@@ -169,27 +145,27 @@ def machine(device: str = "cpu") -> dict[str, str]:
 
 
 def _processor() -> str:
-    """The processor's name; with its numbers, for machines to rent call several kinds alike."""
+    """The processor's name and numbers: on rented machines several kinds have one name."""
     try:
         lines = Path("/proc/cpuinfo").read_text().split("\n\n", 1)[0].splitlines()
     except OSError:
         lines = []
-    told = {name.strip(): value.strip() for name, _, value in (x.partition(":") for x in lines)}
-    name = told.get("model name", platform.processor() or "unknown")
-    numbers = [told[x] for x in ("cpu family", "model", "stepping") if x in told]
+    facts = {name.strip(): value.strip() for name, _, value in (x.partition(":") for x in lines)}
+    name = facts.get("model name", platform.processor() or "unknown")
+    numbers = [facts[x] for x in ("cpu family", "model", "stepping") if x in facts]
     return f"{name} ({'/'.join(numbers)})" if numbers else name
 
 
 def results_of(experiment: Experiment) -> list[tuple[Pool | Experiment, str]]:
     """The stored results behind an experiment, as owner and label: its pool's come first."""
-    own = [TASKS, *experiment.algorithms]
-    return [(experiment.pool, SOURCES), *((experiment, label) for label in own)]
+    labels = [TASKS, *experiment.algorithms]
+    return [(experiment.pool, SOURCES), *((experiment, label) for label in labels)]
 
 
 def results_behind(experiments: Iterable[Experiment]) -> list[tuple[Pool | Experiment, str]]:
     """The stored results behind experiments, each once."""
-    found = {(o.name, label): (o, label) for e in experiments for o, label in results_of(e)}
-    return list(found.values())
+    results = (result for experiment in experiments for result in results_of(experiment))
+    return list({(owner.name, label): (owner, label) for owner, label in results}.values())
 
 
 def path_of(owner: Pool | Experiment, label: str, root: Path | None = None) -> Path:
@@ -197,15 +173,10 @@ def path_of(owner: Pool | Experiment, label: str, root: Path | None = None) -> P
     return (root or results_folder()) / owner.name / label
 
 
-def config_of(owner: Pool | Experiment, label: str) -> Note:
-    """The configuration behind a stored result, as plain JSON values."""
-    config: Note = _plain({key: value for key, (value, _) in _entries(owner, label).items()})
-    return config
-
-
 def origin(owner: Pool | Experiment, label: str) -> Note:
-    """What the provenance of a result says of where it comes from."""
-    seeds, config = f"SHA-256 of {owner.stream}/<run>/<role>", config_of(owner, label)
+    """What the provenance of a result says of where it comes from, as plain JSON values."""
+    seeds = f"SHA-256 of {owner.stream}/<run>/<role>"
+    config = _plain({key: value for key, (value, _) in _entries(owner, label).items()})
     return {"owner": owner.name, "label": label, "seeds": seeds, "config": config}
 
 
@@ -225,14 +196,14 @@ def _entries(owner: Pool | Experiment, label: str) -> dict[str, tuple[Any, Any]]
 
 def _fields(thing: Any) -> dict[str, tuple[Any, Any]]:
     """The fields of an object of an attrs class, each value with its default or NOTHING."""
-    found = {}
-    for one in attrs.fields(type(thing)):
-        default = one.default
+    fields = {}
+    for field in attrs.fields(type(thing)):
+        default = field.default
         if isinstance(default, Factory):  # type: ignore[arg-type]  # a class, to mypy a function
             default = default.factory(*([thing] if default.takes_self else []))
-        known = NOTHING if default is NOTHING else _plain(default)
-        found[one.name] = getattr(thing, one.name), known
-    return found
+        plain = NOTHING if default is NOTHING else _plain(default)
+        fields[field.name] = getattr(thing, field.name), plain
+    return fields
 
 
 def _plain(value: Any) -> Any:
@@ -240,14 +211,14 @@ def _plain(value: Any) -> Any:
 
 
 def _differing(stored: object, entries: dict[str, tuple[Any, Any]]) -> list[str]:
-    """The names of what is stored otherwise than it is now; what is not stored has its default."""
-    known = stored if isinstance(stored, dict) else {}
-    wrong = [shown(key) for key in known if key not in entries]
+    """The names of entries that are stored with another value; a key not stored has its default."""
+    config = stored if isinstance(stored, dict) else {}
+    wrong = [shown(key) for key in config if key not in entries]
     for key, (now, default) in entries.items():
-        found = known.get(key, default)
-        if attrs.has(type(now)) and isinstance(found, dict):
-            wrong += [f"{key}.{name}" for name in _differing(found, _fields(now))]
-        elif found is NOTHING or found != _plain(now):
+        before = config.get(key, default)
+        if attrs.has(type(now)) and isinstance(before, dict):
+            wrong += [f"{key}.{name}" for name in _differing(before, _fields(now))]
+        elif before is NOTHING or before != _plain(now):
             wrong.append(key)
     return wrong
 
@@ -261,15 +232,15 @@ def check_note(path: Path, note: Note, owner: Pool | Experiment, label: str) -> 
             f"{', '.join(wrong)}: move it away and run `python -m vtlab run` again"
         )
     for name in ("seconds", "megabytes"):
-        if not (isinstance(told := note.get(name), int | float) and 0 <= told < math.inf):
+        if not (isinstance(cost := note.get(name), int | float) and 0 <= cost < math.inf):
             raise TornResult(f"{path} has a provenance that does not tell its {name}")
 
 
 def stored(owner: Pool | Experiment, label: str, root: Path | None = None) -> tuple[Arrays, Note]:
     """Arrays and provenance of a result of a pool or experiment, as they lie in their files.
 
-    Raises FileNotFoundError when it is missing, TornResult when it is damaged or was computed under
-    another configuration.
+    Raises FileNotFoundError for a missing result, TornResult for a damaged one, or one that was
+    computed under another configuration.
     """
     path = path_of(owner, label, root)
     arrays, note = read(path)

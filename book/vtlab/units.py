@@ -1,8 +1,4 @@
-"""What can be computed alone, and computing it.
-
-A unit is a batch of sources of a pool, an experiment's task table, or a batch of runs of one
-algorithm.
-"""
+"""Units of work: some sources of a pool, an experiment's task table, some runs of an algorithm."""
 
 import contextlib
 import math
@@ -50,11 +46,11 @@ class Unit:
 
     @property
     def expected_seconds(self) -> float:
-        """What it took of a processor for the book's stored results; a guess where none are."""
-        of = "count" if isinstance(self.owner, Pool) else "runs"
+        """Processor time of the same unit in the stored results; a guess where there are none."""
+        size = "count" if isinstance(self.owner, Pool) else "runs"
         with contextlib.suppress(OSError, ValueError, LookupError, TypeError, ArithmeticError):
             note = store.provenance(store.results_folder() / self.result)
-            return float(note["seconds"] / note["config"][of] * len(self.members))
+            return float(note["seconds"] / note["config"][size] * len(self.members))
         return 1e-3 * len(self.members) * self.owner.iterations
 
 
@@ -70,15 +66,15 @@ def units_of(owner: Pool | Experiment) -> list[Unit]:
 
 
 def units_with(owner: Pool | Experiment, label: str, members: Sequence[int]) -> list[Unit]:
-    """The units that members of a result are stored from: alone by the kernels, else batches."""
+    """The units that members of a result come from: by themselves if by kernels, else batches."""
     if isinstance(owner, Experiment) and run.by_kernels(owner, label):
         return [Unit(owner, label, members)]
-    chosen = set(members)
-    return [u for u in units_of(owner) if u.label == label and not chosen.isdisjoint(u.members)]
+    units = (unit for unit in units_of(owner) if unit.label == label)
+    return [unit for unit in units if not set(members).isdisjoint(unit.members)]
 
 
 def expected_seconds(owner: Pool | Experiment, label: str, member: int) -> float:
-    """What a member of a result takes to compute anew, by the clock of those that are stored."""
+    """Processor time that computing a member of a result anew should take."""
     return sum(unit.expected_seconds for unit in units_with(owner, label, [member]))
 
 
@@ -88,27 +84,26 @@ def compute(
 ) -> tuple[store.Arrays, store.Note]:
     """The arrays of one unit, and what it took: seconds of processor, megabytes, machine.
 
-    weights: (count, d), of the pool that runs transfer from. Posteriors live on the device, all
-    else on the processor.
+    Runs transfer from weights (count, d) of their pool; their posteriors live on the device.
     """
     with contextlib.suppress(OSError):
-        # the peak of memory counts from here; where the system cannot, it counts earlier units
+        # memory's peak counts from here; where the system cannot do that, it counts earlier units
         Path("/proc/self/clear_refs").write_text("5")
-    began, owner, where = time.process_time(), unit.owner, "cpu"
+    began, owner, place = time.process_time(), unit.owner, "cpu"
     if isinstance(owner, Pool):
         arrays = sources.solve(owner, unit.members)
     elif unit.label == TASKS:
         arrays = run.task_table(owner)
     else:
         assert weights is not None
-        where = device if owner.algorithms[unit.label].transfers else where
-        arrays = run.run_batch(owner, unit.label, unit.members, weights, device=where)
+        place = device if owner.algorithms[unit.label].transfers else place
+        arrays = run.run_batch(owner, unit.label, unit.members, weights, device=place)
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     return arrays, {
         "seconds": round(time.process_time() - began, 2),
         "megabytes": round(peak / (1 << 20 if sys.platform == "darwin" else 1 << 10)),
         "vtlib": __version__,
-        "machine": store.machine(where),
+        "machine": store.machine(place),
     }
 
 
@@ -116,8 +111,8 @@ def joined(parts: Sequence[store.Arrays]) -> store.Arrays:
     """Arrays of all members, from those of some at a time."""
     shared = shared_by_all(parts[0])
     return {
-        key: one if key in shared else np.concatenate([part[key] for part in parts])
-        for key, one in parts[0].items()
+        key: array if key in shared else np.concatenate([part[key] for part in parts])
+        for key, array in parts[0].items()
     }
 
 

@@ -1,9 +1,9 @@
 """Stored results computed anew, and the one rule by which they are the same.
 
-Every number is equal to rounding; or, where the arithmetic may differ, as on another processor,
-runs begin alike and are equal in distribution. Learning is chaotic: there rounding sends runs
-elsewhere, sooner or later. What this guards against is staleness and accident: a result of another
-seed, configuration or version of the method, a file that is not the one that was stored.
+Every number is equal to rounding. Where the arithmetic may differ, as on another processor, runs
+begin alike and are equal in distribution, because learning is chaotic: sooner or later rounding
+decides what a run does. This guards against staleness and accident: a result of another seed,
+configuration or version of the method, or a file that is not the one that was stored.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -22,12 +22,12 @@ from vtlib.rng import generator
 # Two machines round differently; what a change of the method, the seeds or the tasks does is
 # larger by orders of magnitude.
 RELATIVE = ABSOLUTE = 1e-3
-BEGINNING = 2  # fingerprints, of iterations 1 and 49; by the third rounding has parted many runs
+BEGINNING = 2  # fingerprints, of iterations 1 and 49; at the third, rounding has moved many runs
 ARITHMETIC = "processor", "device", "kernels", "torch", "numpy"  # of a machine
 EARNED = "learning", "greedy", "fresh"  # by runs, and by sources
-# How often results that could be exchanged are called different: of some 1,500 hardly one.
+# How often equal results are called different: hardly once among some 1,500.
 LEVEL = 1e-4
-DRAWS = 100_000  # of exchanges, where 10,000 leave it open whether a p value is below the level
+DRAWS = 100_000  # exchanges, where 10,000 cannot tell whether a p value is below the level
 
 
 class Verdict(NamedTuple):
@@ -45,14 +45,14 @@ def verify(
 ) -> Iterator[tuple[Pool | Experiment, str, Verdict]]:
     """Compute every stored result behind experiments anew: its heads, then its runs.
 
-    All runs, or one of each result that rng draws, or heads alone where it shall be quick.
+    These are all runs, or one of each result, which rng draws; quick leaves them out.
     """
     for owner, label in store.results_behind(experiments):
-        found = check(owner, label, root=root, quick=True)
-        if found.same and not quick and label != TASKS:
+        verdict = check(owner, label, root=root, quick=True)
+        if verdict.same and not quick and label != TASKS:
             members = None if rng is None else [int(rng.integers(count_of(owner)))]
-            found = check(owner, label, members, root)
-        yield owner, label, found
+            verdict = check(owner, label, members, root)
+        yield owner, label, verdict
 
 
 def check(
@@ -69,19 +69,19 @@ def check(
     stored, note = store.stored(owner, label, root)
     for member in members or ():
         check_whole("member", member, 0, count_of(owner) - 1)
-    chosen = range(count_of(owner)) if members is None else sorted(set(members))
+    rows = range(count_of(owner)) if members is None else sorted(set(members))
     heads = quick and label != TASKS
-    anew = _computed(owner, label, chosen, root, heads)
+    arrays = _computed(owner, label, rows, root, heads)
     if heads:
         stored = {key: x for key, x in stored.items() if key == "fingerprints"}
-    return compare(owner, stored, note, anew, chosen, store.machine())
+    return compare(owner, stored, note, arrays, rows, store.machine())
 
 
 def live_check(experiment: Experiment, label: str, run: int, root: Path | None = None) -> str:
     """Recompute the head of one stored run and say whether it has the stored fingerprints."""
     prints = store.stored(experiment, label, root)[0]["fingerprints"][[run], :BEGINNING]
-    anew = _computed(experiment, label, [run], root, heads=True)["fingerprints"]
-    outcome = "has" if _near(prints, anew[:, :BEGINNING]).all() else "does NOT have"
+    new = _computed(experiment, label, [run], root, heads=True)["fingerprints"]
+    outcome = "has" if _near(prints, new[:, :BEGINNING]).all() else "does NOT have"
     return f"Run {run} of {label}, computed anew just now, {outcome} the stored fingerprints."
 
 
@@ -89,33 +89,33 @@ def compare(
     owner: Pool | Experiment,
     stored: store.Arrays,
     note: store.Note,
-    anew: store.Arrays,
+    new: store.Arrays,
     members: Sequence[int],
     machine: Mapping[str, str],
 ) -> Verdict:
     """A stored result beside arrays of some of its members that a machine has computed anew."""
-    shared, rows = shared_by_all(anew), list(members)
+    shared, rows = shared_by_all(new), list(members)
     if {x.shape[:1] for k, x in stored.items() if k not in shared} != {(count_of(owner),)}:
         return Verdict(False, f"DIFFERS: not all its arrays hold {count_of(owner)} rows")
     old = {k: x if k in shared else x[rows] for k, x in stored.items()}
-    if {k: x.shape for k, x in old.items()} != {k: x.shape for k, x in anew.items()}:
+    if {k: x.shape for k, x in old.items()} != {k: x.shape for k, x in new.items()}:
         return Verdict(False, "DIFFERS in the names or the shapes of its arrays")
-    near = {k: _near(x, anew[k]) for k, x in old.items()}
-    near |= {k: near[k].min(keepdims=True) for k in shared}  # which all runs are like, or none
+    near = {k: _near(x, new[k]) for k, x in old.items()}
+    near |= {k: near[k].min(keepdims=True) for k in shared}  # near for all runs, or for none
     equal = np.all(np.broadcast_arrays(*near.values()), 0)
-    said = f"{equal.sum()} of {len(rows)} equal"
+    count = f"{equal.sum()} of {len(rows)} equal"
     if equal.all():
-        return Verdict(True, said)
+        return Verdict(True, count)
     exact = all(note["machine"].get(x) == machine.get(x) for x in ARITHMETIC)
-    if exact or "fingerprints" not in anew:
+    if exact or "fingerprints" not in new:
         wrong = [k for k, x in near.items() if not x.all()]
         runs = [rows[i] for i in np.flatnonzero(~equal)]
         return Verdict(False, f"DIFFERS in {', '.join(wrong)} of {runs}")
-    if not _begin_alike(old["fingerprints"], anew["fingerprints"]):
-        return Verdict(False, f"DIFFERS from the first iterations on: {said}")
-    if (p := _p_value(old, anew, owner.name)) < LEVEL:
-        return Verdict(False, f"DIFFERS in distribution: {said}, p = {p:.1g}")
-    return Verdict(True, f"{said}, the others but for rounding")
+    if not _begin_alike(old["fingerprints"], new["fingerprints"]):
+        return Verdict(False, f"DIFFERS from the first iterations on: {count}")
+    if (p := _p_value(old, new, owner.name)) < LEVEL:
+        return Verdict(False, f"DIFFERS in distribution: {count}, p = {p:.1g}")
+    return Verdict(True, f"{count}, the others but for rounding")
 
 
 def _near(old: np.ndarray, new: np.ndarray) -> np.ndarray:
@@ -126,10 +126,9 @@ def _near(old: np.ndarray, new: np.ndarray) -> np.ndarray:
 
 
 def _begin_alike(old: np.ndarray, new: np.ndarray) -> bool:
-    """Whether all runs have the first fingerprint, and half of them the last of their beginning.
+    """Whether all runs have the first fingerprint, and half of them the second.
 
-    Rounding parts runs before only where it alone decides, as between actions that are worth the
-    same; a fault parts them all.
+    Rounding decides so early only in few runs, between actions of the same value.
     """
     near = [_near(old[:, i], new[:, i]) for i in range(min(BEGINNING, old.shape[1]))]
     return bool(near[0].all() and near[-1].sum() >= len(old) // 2)
@@ -138,36 +137,36 @@ def _begin_alike(old: np.ndarray, new: np.ndarray) -> bool:
 def _p_value(old: store.Arrays, new: store.Arrays, name: str) -> float:
     """P value of the hypothesis that stored and new runs could be exchanged; 1 with one run.
 
-    Of each run its mean return counts, while learning and of the greedy policy (Bonferroni).
+    It compares mean returns of runs, while learning and of the greedy policy (Bonferroni).
     """
-    found = [1.0]
+    values = [1.0]
     for key in sorted(new.keys() & EARNED):
         a, b = (np.asarray(x[key], float).reshape(len(x[key]), -1).mean(1) for x in (old, new))
         if len(a) > 1:
             p = same_distribution_p(a, b, generator(name, 0, "comparison"))
             if p < 0.01:
                 p = same_distribution_p(a, b, generator(name, 1, "comparison"), DRAWS)
-            found.append(2 * p)
-    return min(found)
+            values.append(2 * p)
+    return min(values)
 
 
 def _computed(
     owner: Pool | Experiment, label: str, members: Sequence[int], root: Path | None, heads: bool
 ) -> store.Arrays:
     """The arrays of members or their heads, as they are stored: from whole units."""
-    given = None if isinstance(owner, Pool) else store.weights(owner.pool, root)
+    weights = None if isinstance(owner, Pool) else store.weights(owner.pool, root)
     units = units_with(owner, label, members)
-    arrays = joined([_head(x, given) if heads else compute(x, given)[0] for x in units])
+    arrays = joined([_head(x, weights) if heads else compute(x, weights)[0] for x in units])
     rows = np.flatnonzero(np.isin([member for unit in units for member in unit.members], members))
     shared = shared_by_all(arrays)
     return {key: array if key in shared else array[rows] for key, array in arrays.items()}
 
 
-def _head(unit: Unit, given: np.ndarray | None) -> store.Arrays:
+def _head(unit: Unit, weights: np.ndarray | None) -> store.Arrays:
     if isinstance(unit.owner, Pool):
         return {"fingerprints": sources.head(unit.owner, unit.members)}
-    assert given is not None
-    return {"fingerprints": run.head(unit.owner, unit.label, unit.members, given)}
+    assert weights is not None
+    return {"fingerprints": run.head(unit.owner, unit.label, unit.members, weights)}
 
 
 def count_of(owner: Pool | Experiment) -> int:

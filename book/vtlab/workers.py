@@ -17,7 +17,7 @@ def processes(jobs: int | None = None) -> Iterator[Executor]:
 
     They end with this process, however it ends, and at once where an error ends the work.
     """
-    others, spawn = multiprocessing.active_children(), multiprocessing.get_context("spawn")
+    before, spawn = multiprocessing.active_children(), multiprocessing.get_context("spawn")
     with for_this_process_alone():
         executor = _Processes(jobs or os.cpu_count(), spawn, _end_with_parent)
     with executor:
@@ -25,16 +25,16 @@ def processes(jobs: int | None = None) -> Iterator[Executor]:
             yield executor
         except BaseException:
             executor.shutdown(wait=False, cancel_futures=True)
-            for child in set(multiprocessing.active_children()).difference(others):
+            for child in set(multiprocessing.active_children()).difference(before):
                 child.kill()
             raise
 
 
 class _Processes(ProcessPoolExecutor):
-    def submit(self, *given: Any, **named: Any) -> Future[Any]:
-        """As that of any executor; the process that this may begin never sees an interrupt."""
+    def submit(self, *arguments: Any, **named: Any) -> Future[Any]:
+        """Submit; the process that this may begin never sees an interrupt."""
         with for_this_process_alone():
-            return super().submit(*given, **named)
+            return super().submit(*arguments, **named)
 
 
 def _end_with_parent() -> None:
@@ -53,10 +53,9 @@ def _end_with_parent() -> None:
 def cluster(address: str) -> Iterator[Executor]:
     """The workers of the Dask scheduler at an address, such as "tcp://host:8786".
 
-    Raises OSError where there is none, BrokenExecutor when a unit has lost several workers. Source:
-    Rocklin (2015), https://distributed.dask.org.
+    Raises OSError where there is none, BrokenExecutor when a unit has lost several workers.
     """
-    import distributed  # which takes a second, and only a cluster needs
+    import distributed  # this takes a second, and only a cluster needs it
 
     with distributed.Client(address, timeout=10, set_as_default=False) as client:
         try:

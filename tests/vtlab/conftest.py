@@ -34,7 +34,7 @@ def two_at_a_time():
 def computed(tiny, here, tmp_path_factory):
     root = tmp_path_factory.mktemp("computed")
     with in_twos():
-        schedule.complete([tiny], root, here, quiet=True)
+        schedule.complete([tiny], root, here)
     return root
 
 

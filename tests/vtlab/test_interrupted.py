@@ -17,8 +17,7 @@ import vtlab
 from vtlab.interrupts import LINE
 
 BOOK = Path(vtlab.__file__).parents[1]
-# A command of its own, which can be killed: one that computes with two processes of its own, for
-# whom nothing here is meant.
+# A command that can be killed, for it computes with two processes of its own.
 SCRIPT = """
 if __name__ == "__main__":
     from vtlab.interrupts import end_at_once
@@ -49,10 +48,8 @@ if __name__ == "__main__":
         replace(half, place)
 
     os.replace = put_in_place
-    sys.exit(main(sys.argv[1:]))
+    sys.exit(main("run tiny --results results --jobs 2".split()))
 """
-RUN = "run", "tiny", "--results", "results", "--jobs"
-SAID = "is complete"
 MOMENTS = int(os.environ.get("VTLIB_MOMENTS", "3"))  # more on demand
 LIMIT = 10  # seconds from a signal to the end of the last process
 
@@ -60,11 +57,11 @@ LIMIT = 10  # seconds from a signal to the end of the last process
 class Command:
     """The script, started in a session of its own, as a terminal does."""
 
-    def __init__(self, folder: Path, jobs: int = 2, **more: str) -> None:
+    def __init__(self, folder: Path, **more: str) -> None:
         (folder / "script.py").write_text(SCRIPT)
         path = {"PYTHONPATH": os.pathsep.join([str(BOOK.parent), str(BOOK)])}
         self.process = subprocess.Popen(
-            [sys.executable, "script.py", *RUN, str(jobs)],
+            [sys.executable, "script.py"],
             cwd=folder,
             env={**os.environ, **path, **more},
             stdout=subprocess.PIPE,
@@ -76,17 +73,18 @@ class Command:
     def ends_well(self) -> None:
         out, err = self.process.communicate()
         assert self.process.returncode == 0, err
-        assert SAID in out.splitlines()[-1]
+        assert "is complete" in out.splitlines()[-1]
         assert "Traceback" not in err
 
     def group(self) -> list[int]:
         """Every process of the session that is running."""
-        found = []
-        for one in psutil.process_iter():
+        pids = []
+        for process in psutil.process_iter():
             with contextlib.suppress(psutil.NoSuchProcess, ProcessLookupError, PermissionError):
-                if os.getsid(one.pid) == self.process.pid and one.status() != psutil.STATUS_ZOMBIE:
-                    found.append(one.pid)
-        return found
+                ours = os.getsid(process.pid) == self.process.pid
+                if ours and process.status() != psutil.STATUS_ZOMBIE:
+                    pids.append(process.pid)
+        return pids
 
     def assert_gone(self, since: float) -> None:
         while self.group() and time.monotonic() < since + LIMIT:
@@ -95,10 +93,10 @@ class Command:
 
 
 @pytest.fixture(scope="module")
-def complete(tmp_path_factory) -> Path:
+def complete(tmp_path_factory) -> dict[str, bytes]:
     folder = tmp_path_factory.mktemp("complete")
-    Command(folder, 1).ends_well()
-    return folder / "results"
+    Command(folder).ends_well()
+    return arrays(folder / "results")
 
 
 def arrays(root: Path) -> dict[str, bytes]:
@@ -108,19 +106,16 @@ def arrays(root: Path) -> dict[str, bytes]:
 
 def test_killed_while_a_file_is_put_in_place_the_same_command_goes_on(tmp_path, complete):
     root = tmp_path / "results"
-    # each waits for the one before, so that none is in its place when its turn comes
     for part in ["few/sources.json", "parts/tiny/GVT"]:
-        killed = Command(tmp_path, 1, KILL_AT=part)
+        killed = Command(tmp_path, KILL_AT=part)
         killed.process.communicate()
         assert killed.process.returncode == -signal.SIGKILL
         killed.assert_gone(time.monotonic())
         assert list(root.rglob("*.half"))
     Command(tmp_path).ends_well()
-    assert arrays(root) == arrays(complete)
+    assert arrays(root) == complete
     assert {p.name for p in root.iterdir()} == {"few", "tiny"}
     assert not list(root.rglob("*.half"))
-    left = {p.name for p in tmp_path.iterdir()} - {"__pycache__"}
-    assert left == {"script.py", "results"}
 
 
 def test_an_interrupt_at_any_moment_ends_in_one_line_and_with_all_processes(tmp_path, complete):
@@ -129,27 +124,24 @@ def test_an_interrupt_at_any_moment_ends_in_one_line_and_with_all_processes(tmp_
     rng = np.random.default_rng(0)
     moments = [rng.uniform(0.15, 0.4), *rng.uniform(0.6, 8, MOMENTS)]
     for wait, number in zip(moments, cycle([signal.SIGINT, signal.SIGTERM, signal.SIGKILL])):
-        it = Command(tmp_path)
+        command = Command(tmp_path)
         time.sleep(wait)
-        if it.process.poll() is not None:
-            it.ends_well()
+        if command.process.poll() is not None:
+            command.ends_well()
             continue
         since = time.monotonic()
-        os.killpg(it.process.pid, number)
-        out, err = it.process.communicate(timeout=LIMIT)
-        it.assert_gone(since)
+        os.killpg(command.process.pid, number)
+        _, err = command.process.communicate(timeout=LIMIT)
+        command.assert_gone(since)
         if number == signal.SIGKILL:  # what it was about to say is lost, nothing that it stored
-            assert it.process.returncode == -number
-            continue
-        if not it.process.returncode:  # it was about to leave
-            assert SAID in out.splitlines()[-1]
-            continue
-        assert it.process.returncode == 128 + number, err
-        *bar, line = err.strip().splitlines()
-        assert line == "vtlab: interrupted; run and reproduce go on from here"
-        assert all("left" in shown for shown in bar if shown), err
+            assert command.process.returncode == -number
+        elif command.process.returncode:  # else it was about to leave
+            assert command.process.returncode == 128 + number, err
+            *bar, line = err.strip().splitlines()
+            assert line == "vtlab: interrupted; run and reproduce go on from here"
+            assert all("left" in text for text in bar if text), err
     Command(tmp_path).ends_well()
-    assert arrays(tmp_path / "results") == arrays(complete)
+    assert arrays(tmp_path / "results") == complete
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
@@ -169,15 +161,14 @@ runpy.run_module("vtlab", run_name="__main__")
     assert (done.returncode, done.stderr) == (128 + number, LINE)
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_once_its_work_is_done_an_interrupt_changes_nothing(number):
-    program = f"""
+def test_once_its_work_is_done_an_interrupt_changes_nothing():
+    program = """
 import os
 from vtlab.interrupts import end_at_once
 
 class Last:
     def __del__(self, kill=os.kill, pid=os.getpid()):
-        kill(pid, {number:d})  # while Python tidies up
+        kill(pid, 2)  # while Python tidies up
 
 end_at_once()
 last = Last()

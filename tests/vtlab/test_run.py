@@ -1,5 +1,7 @@
 """Runs that share a task, use fewer sources than others, or keep where they went."""
 
+from unittest.mock import Mock
+
 import numpy as np
 import pytest
 import torch
@@ -51,10 +53,10 @@ def test_an_algorithm_gets_the_first_of_each_runs_sources(shared, weights):
 
 @pytest.mark.parametrize("label", ["NT", "DDQN", "GVT", "2-MGVT"])
 def test_a_batch_records_its_runs_whatever_runs_beside_them(tiny, weights, label):
-    told = []
-    arrays = run_batch(tiny, label, [0, 2], weights[:3], lambda t: told.append(t) or True)
+    reports = []
+    arrays = run_batch(tiny, label, [0, 2], weights[:3], lambda t: reports.append(t) or True)
     times = list(range(20, 221, 20))
-    assert list(arrays["iterations"]) == told == times
+    assert list(arrays["iterations"]) == reports == times
     assert arrays["learning"].shape == arrays["greedy"].shape == (2, len(times))
     prints = arrays["fingerprints"]
     np.testing.assert_array_equal(head(tiny, label, [0, 2], weights[:3]), prints)
@@ -86,15 +88,10 @@ def test_visits_are_kept_where_they_are_asked_for_and_disturb_nothing(tiny, weig
 
 
 def test_the_table_plans_each_task_once_and_repeats_its_optimum(shared, monkeypatch):
-    planned = []
-
-    def plan(_, tasks):
-        planned.append(len(tasks))
-        return tasks.cart_mass + 1
-
-    monkeypatch.setattr(type(shared.family), "optimum", plan)
+    plan = Mock(side_effect=lambda tasks: tasks.cart_mass + 1)
+    monkeypatch.setattr(type(shared.family), "optimum", staticmethod(plan))
     table = run.task_table(shared)
     np.testing.assert_array_equal(table["cart_mass"], targets(shared, range(6)).cart_mass)
     np.testing.assert_array_equal(table["sources"], chosen_sources(shared, range(6)))
     np.testing.assert_array_equal(table["optimum"], table["cart_mass"] + 1)
-    assert planned == [2]
+    assert len(plan.call_args[0][0]) == 2

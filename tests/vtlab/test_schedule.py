@@ -26,23 +26,9 @@ from vtlib.training import Diverged
 def test_units_are_batches_of_runs_and_halves_of_small_pools(tiny):
     assert [u.members for u in units_of(tiny.pool)] == [range(2), range(2, 3)]
     assert units_of(evolve(tiny.pool, count=60))[0].members == range(25)
-    units = units_of(tiny)
-    assert [(u.label, u.members) for u in units[:2]] == [("NT", range(2)), ("NT", range(2, 3))]
-    assert (units[-1].label, units[-1].members) == ("tasks", range(3))
-    assert [u.pool for u in units] == [tiny.pool] * 8 + [None]
-    assert len({u.part for u in units}) == len(units)
-
-
-def test_complete_stores_every_result_with_its_provenance(tiny, stored):
-    for owner, label in store.results_of(tiny):
-        _, note = store.stored(owner, label, stored)
-        assert note["seconds"] >= 0
-        assert 10 < note["megabytes"] < 5000
-        assert note["machine"] == store.machine()
-        assert (note["owner"], note["label"]) == (owner.name, label)
-    assert note["seeds"] == "SHA-256 of tiny/<run>/<role>"
-    assert list(store.stored(tiny, "GVT", stored)[0]["run"]) == [0, 1, 2]
-    assert sorted(p.name for p in stored.iterdir()) == ["tiny", "tiny-pool"]
+    units = [(u.label, u.members, u.pool) for u in units_of(tiny)]
+    assert units[:2] == [("NT", x, tiny.pool) for x in (range(2), range(2, 3))]
+    assert units[-1] == ("tasks", range(3), None)
 
 
 def test_only_what_is_missing_is_computed_and_joined_and_the_rest_is_left_alone(
@@ -59,17 +45,15 @@ def test_only_what_is_missing_is_computed_and_joined_and_the_rest_is_left_alone(
     join_finished(units_of(tiny), stored)
     assert store.exists(stored / first.part)
     assert not store.exists(stored / first.result)
-    ran = []
-    monkeypatch.setattr(
-        schedule, "compute", lambda *given: (ran.append(given[0]), compute(*given))[1]
-    )
-    complete = partial(schedule.complete, [tiny], stored, here, quiet=True)
+    units = []
+    monkeypatch.setattr(schedule, "compute", lambda *x: (units.append(x[0]), compute(*x))[1])
+    complete = partial(schedule.complete, [tiny], stored, here)
     complete()
-    assert ran == [other]
+    assert units == [other]
     assert rest() == before
     assert store.same_arrays(store.read(stored / first.result)[0], expected)
     assert not (stored / "parts").exists()
-    # one that was left beside its whole result is no use
+    # a part beside its whole result is of no use
     store.save(stored / first.part, expected, store.read(stored / first.result)[1])
     complete()
     assert not (stored / "parts").exists()
@@ -86,31 +70,32 @@ def test_an_error_of_one_unit_keeps_what_the_others_have_done(tiny, stored, here
 
     monkeypatch.setattr(schedule, "compute", diverging)
     with pytest.raises(Diverged, match="run 2 of tiny"):
-        schedule.complete([tiny], stored, here, quiet=True)
+        schedule.complete([tiny], stored, here)
     assert store.exists(stored / "tiny" / "NT")
     assert list((stored / "parts" / "tiny").glob("GVT-*.json"))
 
 
-def test_workers_of_other_versions_are_refused(tiny, here, tmp_path, monkeypatch):
+def test_workers_of_other_versions_and_parts_of_another_configuration_are_refused(
+    tiny, here, tmp_path, monkeypatch
+):
     monkeypatch.setattr(schedule, "__version__", "0.0")  # here, not in the workers
     with pytest.raises(ValueError, match=r"workers must have vtlib 0\.0, one has "):
-        schedule.complete([tiny], tmp_path, here, quiet=True)
+        schedule.complete([tiny], tmp_path, here)
     assert not list(tmp_path.rglob("*.npz"))
+    store.save(tmp_path / units_of(tiny.pool)[0].part, {"x": np.zeros(1)}, {"seconds": 1.0})
+    with pytest.raises(TornResult, match="another configuration"):
+        schedule.complete([tiny], tmp_path)
 
 
-def test_two_experiments_share_their_pool_and_one_bar(tiny, here, tmp_path, capsys):
+def test_experiments_share_a_pool_and_one_bar_but_no_name(tiny, here, tmp_path, capsys):
     pool = evolve(tiny.pool, iterations=199, limit=199)
-    one = evolve(tiny, pool=pool, algorithms={"NT": tiny.algorithms["NT"]}, iterations=20)
-    schedule.complete([one, evolve(one, name="other")], tmp_path, here)
+    first = evolve(tiny, pool=pool, algorithms={"NT": tiny.algorithms["NT"]}, iterations=20)
+    with pytest.raises(ValueError, match="names of their own"):
+        schedule.complete([tiny, first], tmp_path)
+    assert not list(tmp_path.rglob("*.npz"))
+    schedule.complete([first, evolve(first, name="other")], tmp_path, here)
     assert {p.parent.name for p in tmp_path.rglob("*.npz")} == {"tiny-pool", "tiny", "other"}
     assert re.search(r"100%\|.* gone, 00:00 left", capsys.readouterr().err)
-
-
-def test_two_experiments_of_one_name_are_refused(tiny, tmp_path):
-    one = evolve(tiny, algorithms={"NT": tiny.algorithms["NT"]})
-    with pytest.raises(ValueError, match="names of their own"):
-        schedule.complete([tiny, one], tmp_path)
-    assert not list(tmp_path.rglob("*.npz"))
 
 
 def test_the_time_of_a_unit_is_expected_as_it_was_for_the_stored_runs(tiny, monkeypatch):
@@ -120,13 +105,6 @@ def test_the_time_of_a_unit_is_expected_as_it_was_for_the_stored_runs(tiny, monk
     for junk in ({}, {"seconds": "1", "config": {"runs": 3}}, {"seconds": 1.0, "config": 2}):
         monkeypatch.setattr(store, "provenance", lambda *_, junk=junk: junk)
         assert units_of(tiny)[0].expected_seconds > 0
-
-
-def test_a_part_of_another_configuration_stops_it_before_anything_is_computed(tiny, tmp_path):
-    note = {"config": {"limit": 7}, "seconds": 1.0}
-    store.save(tmp_path / units_of(tiny.pool)[0].part, {"x": np.zeros(1)}, note)
-    with pytest.raises(TornResult, match="another configuration"):
-        schedule.complete([tiny], tmp_path, executor=None, quiet=True)
 
 
 def test_a_scheduler_that_is_not_there_is_named(monkeypatch):
@@ -143,21 +121,23 @@ def interrupted(tiny, computed, tmp_path):
     shutil.copytree(computed / "tiny-pool", tmp_path / "tiny-pool")
     small = evolve(tiny, algorithms={label: tiny.algorithms[label] for label in ("NT", "GVT")})
 
-    def complete(executor, victim):
-        def kill_in_the_middle():
+    def complete(executor):
+        victim = executor.submit(os.getpid).result()
+
+        def kill():
             while not list((tmp_path / "parts").rglob("*.json")):
                 time.sleep(0.005)
             os.kill(victim, signal.SIGKILL)
 
-        killer = threading.Thread(target=kill_in_the_middle)
+        killer = threading.Thread(target=kill)
         killer.start()
         try:
-            schedule.complete([small], tmp_path, executor, quiet=True)
+            schedule.complete([small], tmp_path, executor)
         finally:
             killer.join()
 
     yield complete
-    schedule.complete([small], tmp_path, quiet=True)
+    schedule.complete([small], tmp_path)
     for owner, label in store.results_of(small):
         a, b = (store.stored(owner, label, root)[0] for root in (computed, tmp_path))
         assert store.same_arrays(a, b), label
@@ -165,7 +145,7 @@ def interrupted(tiny, computed, tmp_path):
 
 def test_a_process_that_is_killed_ends_the_work_which_goes_on_where_it_was(interrupted):
     with pytest.raises(BrokenExecutor), processes(1) as executor:
-        interrupted(executor, executor.submit(os.getpid).result())
+        interrupted(executor)
 
 
 def test_units_of_a_worker_of_a_cluster_that_is_killed_move_to_another(interrupted):
@@ -174,4 +154,4 @@ def test_units_of_a_worker_of_a_cluster_that_is_killed_move_to_another(interrupt
         LocalCluster(n_workers=2, threads_per_worker=1, **alone) as there,
         cluster(there.scheduler_address) as executor,
     ):
-        interrupted(executor, executor.submit(os.getpid).result())
+        interrupted(executor)

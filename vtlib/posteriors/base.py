@@ -86,8 +86,8 @@ class FactorPosterior(ABC):
 
     def step(self, gradients: Tensor, kl_weight: float) -> None:
         """One step of gradient descent on L."""
-        used = gradients.shape[2]
-        self._descend(gradients.flatten(0, 1), self._z[:, -used:], kl_weight)
+        count = gradients.shape[2]
+        self._descend(gradients.flatten(0, 1), self._z[:, -count:], kl_weight)
 
     def _draw(self, n: int) -> Tensor:
         """The noise (R, n) of the next samples."""

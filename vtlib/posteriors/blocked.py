@@ -40,8 +40,8 @@ class Blocked(NativePosterior):
 
     def _product(self, z: Tensor) -> Tensor:
         out = torch.empty_like(z)
-        where = self._descent.d, len(z), self._t, self._n_samples
-        self._function("product")(*where, at(self._memory), at(out))
+        place = self._descent.d, len(z), self._t, self._n_samples
+        self._function("product")(*place, at(self._memory), at(out))
         return out
 
     def _descend(self, gradients: Tensor, z: Tensor, kl_weight: float) -> None:

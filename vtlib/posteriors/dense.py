@@ -30,8 +30,8 @@ class Dense(FactorPosterior):
         if self._kl == "full":
             pull = self._precision.times(self._L)
         else:
-            own = self._precision.diagonal(diagonal.shape[1]).to(diagonal.device)
-            pull = torch.diag_embed(own * diagonal)
+            precision = self._precision.diagonal(diagonal.shape[1]).to(diagonal.device)
+            pull = torch.diag_embed(precision * diagonal)
         pull.diagonal(dim1=1, dim2=2).sub_(1 / diagonal)
         pull.clamp_(-self._kl_clip, self._kl_clip)
         gradient = torch.baddbmm(pull, gradients.mT, z, beta=kl_weight)
@@ -46,8 +46,8 @@ def start_factors(start: Start, sigma_min: float) -> Tensor:
     """
     runs, components, d = start.mu.shape
     if start.spread is None:
-        own: Tensor = torch.eye(d, device=start.mu.device) * start.variance**0.5
-        factors = own.repeat(runs * components, 1, 1)
+        identity: Tensor = torch.eye(d, device=start.mu.device) * start.variance**0.5
+        factors = identity.repeat(runs * components, 1, 1)
     else:
         factors = covariance_factor(start.spread, start.variance)
         factors = factors if components == 1 else factors.repeat_interleave(components, 0)

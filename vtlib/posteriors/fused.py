@@ -38,17 +38,17 @@ class Fused(NativePosterior):
 
     def _product(self, z: Tensor) -> Tensor:
         out, noise = torch.empty_like(z), z.contiguous()
-        gradients, used, kl_weight = self._waiting or (noise[:, :0], noise[:, :0], 0.0)
+        gradients, before, kl_weight = self._waiting or (noise[:, :0], noise[:, :0], 0.0)
         self._descent.n_samples = gradients.shape[1]
-        passed = self._memory, self._W, self._WL, gradients, used, noise, out
+        arrays = self._memory, self._W, self._WL, gradients, before, noise, out
         # runs whose priors differ in scale go one by one
         scale, components = self._precision.scale, self.mu.shape[1]
-        few = components if isinstance(scale, Tensor) else len(z)
-        for run, parts in enumerate(zip(*(x.split(few) for x in passed), strict=True)):
+        count = components if isinstance(scale, Tensor) else len(z)
+        for run, parts in enumerate(zip(*(x.split(count) for x in arrays), strict=True)):
             self._descent.scale = of_run(scale, run)
             self._function("step")(
                 ctypes.byref(self._descent),
-                *(few, z.shape[1]),
+                *(count, z.shape[1]),
                 *map(at, parts),
                 ctypes.c_float(kl_weight),
                 self._waiting is not None,

@@ -39,12 +39,12 @@ class NativePosterior(FactorPosterior):
         self._memory = torch.zeros(runs * components, size(d))
         for run in range(runs if start.spread is not None else 1):
             spread = None if start.spread is None else start.spread[run : run + 1]
-            own = of_run(start.variance, run)
-            one = Start(start.mu[run : run + 1, :1], own, spread)
-            factor = start_factors(one, self._sigma_min)[0]
-            alike = self._memory[run * components :]
-            self._function("pack")(d, at(factor), at(alike))
-            alike[1 : components if start.spread is not None else None] = alike[0]
+            variance = of_run(start.variance, run)
+            component = Start(start.mu[run : run + 1, :1], variance, spread)
+            factor = start_factors(component, self._sigma_min)[0]
+            copies = self._memory[run * components :]
+            self._function("pack")(d, at(factor), at(copies))
+            copies[1 : components if start.spread is not None else None] = copies[0]
         W = self._precision.W
         self._descent = _Descent(
             d=d,

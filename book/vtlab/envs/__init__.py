@@ -20,15 +20,11 @@ __all__ = [
     "parse_maze",
 ]
 
-_PACKAGES = {
-    "Rooms": ("rooms", Rooms.horizon),
-    "Cartpole": ("cartpole", Cartpole.horizon),
-    "MountainCar": ("mountain_car", MountainCar.horizon),
-    "Maze": ("maze", Mazes.horizon),
-}
-for _name, (_package, _horizon) in _PACKAGES.items():
-    gymnasium.register(
-        f"vtlab/{_name}-v0",
-        f"vtlab.envs.{_package}.gym:{_name}Env",
-        max_episode_steps=_horizon,
-    )
+for _name, _package, _horizon in (
+    ("Rooms", "rooms", Rooms.horizon),
+    ("Cartpole", "cartpole", Cartpole.horizon),
+    ("MountainCar", "mountain_car", MountainCar.horizon),
+    ("Maze", "maze", Mazes.horizon),
+):
+    _entry = f"vtlab.envs.{_package}.gym:{_name}Env"
+    gymnasium.register(f"vtlab/{_name}-v0", _entry, max_episode_steps=_horizon)

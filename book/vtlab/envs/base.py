@@ -24,6 +24,9 @@ class TaskBatch:
     """R tasks, one per row; subclasses are frozen attrs classes.
 
     `parameters` names the fields with a row for each task; what other fields hold is common to all.
+    `step` takes states (R, state_dim), actions (R,) int64 and normal noise (R, noise_dim). It gives
+    next states, rewards (R,) float32 and terminated (R,) bool, and refuses other shapes by a
+    ValueError.
     """
 
     parameters: ClassVar[tuple[str, ...]]
@@ -97,18 +100,14 @@ class ParameterBatch(TaskBatch):
 
 @frozen
 class Plane:
-    """Two coordinates of a state, the others being zero, and how to show values over them.
-
-    `units` are those of the labels in the state's own, `values` is the range of the colours, and
-    `start` the state from which a policy's path is drawn.
-    """
+    """Two coordinates of a state, the others being zero, and how to show values over them."""
 
     axes: tuple[int, int]
     ends: tuple[tuple[float, float], tuple[float, float]]
     labels: tuple[str, str]
-    units: tuple[float, float]
-    values: tuple[float, float]
-    start: tuple[float, ...]
+    units: tuple[float, float]  # of the labels, in those of the state
+    values: tuple[float, float]  # the range of the colours
+    start: tuple[float, ...]  # of a policy's path
 
 
 @frozen
@@ -142,15 +141,8 @@ class TaskFamily(ABC):
     def sample(self, rng: np.random.Generator, count: int) -> Tasks:
         """Draw `count` tasks, independent and alike. Raises ValueError when count < 1."""
 
-    def join(self, tasks: Sequence[Any]) -> Any:
-        """All tasks of several batches, in their order. Raises ValueError when there is none."""
-        return (type(tasks[0]) if tasks else TaskBatch).join(tasks)
-
     def solved(self, returns: Tensor, optimum: Tensor, required: float) -> Tensor:
-        """Whether greedy returns (R, E) of E episodes solve each task to a share, bool (R,).
-
-        Here: whether their mean misses the optimum (R,) by at most 1 - required of its size.
-        """
+        """Whether the mean of returns (R, E) reaches a share of the optimum (R,), bool (R,)."""
         return returns.mean(1) >= optimum - (1 - required) * optimum.abs()
 
     def for_sources(self, tasks: Any) -> Any:
@@ -159,17 +151,18 @@ class TaskFamily(ABC):
 
     def draw_tasks(self, stream: str, runs: Sequence[int]) -> Tasks:
         """One task for each run, whatever the other runs are."""
-        tasks: Tasks = self.join([self.sample(generator(stream, run, "task"), 1) for run in runs])
-        return tasks
+        tasks: list[Any] = [self.sample(generator(stream, run, "task"), 1) for run in runs]
+        return cast(Tasks, type(tasks[0]).join(tasks))
 
     def source_tasks(self, stream: str, sources: Sequence[int]) -> Tasks:
-        """The tasks of some sources of a pool: each drawn from a generator of its own."""
-        return self.draw_tasks(stream, sources)
+        """The tasks of some sources of a pool, each drawn from a generator of its own."""
+        return TaskFamily.draw_tasks(self, stream, sources)
 
     def first_weights(self, stream: str, runs: Sequence[int]) -> Tensor:
         """Weights (R, d) before learning, each run's from a generator of its own."""
-        own, d = [generator(stream, run, "first weights") for run in runs], self.q().d
-        return torch.from_numpy(self.scale * np.stack([g.standard_normal(d) for g in own])).float()
+        rngs, d = [generator(stream, run, "first weights") for run in runs], self.q().d
+        numbers = np.stack([rng.standard_normal(d) for rng in rngs])
+        return torch.from_numpy(self.scale * numbers).float()
 
     def kernel_parameters(self, tasks: Any, row: int) -> list[float]:
         """The numbers that tell a task apart for the kernel, at most five."""

@@ -13,26 +13,28 @@ from torch import Tensor
 from vtlib.checks import check_whole, shown
 
 
-def env_metadata(render_fps: int) -> dict[str, Any]:
-    """What Gymnasium wants to know of an environment."""
-    return {"render_modes": ["rgb_array"], "render_fps": render_fps}
-
-
 class TasksEnv(gymnasium.Env[np.ndarray, np.int64]):
     """The only task of a batch as an environment; subclasses hold arguments, space and words.
 
-    An episode is truncated after `horizon` steps. Raises ValueError when an argument is out of
-    range, as do the subclasses.
+    An episode is truncated after `horizon` steps; for a longer one Gymnasium's `make` needs
+    `max_episode_steps`, too. Raises ValueError when an argument is out of range, as do the
+    subclasses.
     """
 
-    # Called with axes, tasks, index and state. Only named, as "module:function", for matplotlib
-    # takes most of a second to import and only pictures need it.
+    metadata = gymnasium.Env.metadata | {"render_modes": ["rgb_array"]}
+    # A function of axes, tasks, index and state, by its name, "module:function": matplotlib takes
+    # most of a second to import, and only pictures need it.
     drawing: ClassVar[str]
     picture_size: ClassVar[tuple[int, int]] = (400, 400)  # width and height in pixels
 
     def __init__(
-        self, tasks: Any, space: spaces.Box, horizon: int, render_mode: str | None
+        self,
+        tasks: Any,
+        space: spaces.Box,
+        horizon: int | None = None,
+        render_mode: str | None = None,
     ) -> None:
+        horizon = tasks.horizon if horizon is None else horizon
         check_whole("horizon", horizon)
         if render_mode not in (None, "rgb_array"):
             raise ValueError(f"render_mode must be None or 'rgb_array', got {shown(render_mode)}")
@@ -75,10 +77,10 @@ class TasksEnv(gymnasium.Env[np.ndarray, np.int64]):
             raise ResetNeeded("call reset() before render(): no episode is running")
         picture, draw = resolve_name("vtlab.envs.draw:picture"), resolve_name(self.drawing)
         state = self._state[0].numpy()
-        drawn: np.ndarray = picture(lambda ax: draw(ax, self.tasks, 0, state), self.picture_size)
-        return drawn
+        pixels: np.ndarray = picture(lambda ax: draw(ax, self.tasks, 0, state), self.picture_size)
+        return pixels
 
     def _observation(self) -> np.ndarray:
-        # Copied: an observation may be the state itself, and is the caller's to change.
-        seen: Tensor = self.tasks.observe(self._state)[0]
-        return seen.numpy().copy()
+        # A copy, because the caller may change it, and an observation may be the state itself.
+        obs: Tensor = self.tasks.observe(self._state)[0]
+        return obs.numpy().copy()

@@ -14,15 +14,15 @@ CHUNK = 1024  # states that step together, few enough for the processor's cache
 def around(place: Tensor, cells: Tensor) -> tuple[Tensor, Tensor]:
     """The 2^n nodes (n, B, 2^n) int64 around places (n, B) on a grid, with weights (B, 2^n).
 
-    Places are in cells from the first node, and are moved onto the grid of `cells` (n,) cells per
-    axis. The weights are multilinear; nodes of the last axis vary fastest.
+    Places count cells from the first node; those outside the grid of `cells` (n,) are moved onto
+    it. The weights are multilinear; nodes of the last axis vary fastest.
     """
     cells = cells.unsqueeze(1)
     place = torch.minimum(place.clamp(min=0), cells)
     first = torch.minimum(place.floor(), cells - 1)
     share = place - first
-    weight, *others = torch.stack([1 - share, share], -1)  # (B, 2) each
-    for side in others:
+    weight, *axes = torch.stack([1 - share, share], -1)  # (B, 2) each
+    for side in axes:
         weight = (weight.unsqueeze(2) * side.unsqueeze(1)).flatten(1)
     corner = torch.cartesian_prod(*[torch.arange(2)] * len(place)).T
     return first.long().unsqueeze(2) + corner.unsqueeze(1), weight
@@ -31,8 +31,8 @@ def around(place: Tensor, cells: Tensor) -> tuple[Tensor, Tensor]:
 def try_out(copies: Any, states: Tensor, noise: Tensor) -> tuple[Tensor, Tensor, Tensor]:
     """Every action from each of B states under each of K noises (K, noise_dim), noise fastest.
 
-    `copies` is one task many times: so many step together. Returns states (B A K, n), rewards and
-    terminated (B A K,).
+    `copies` is one task as often as steps are taken at once. Returns states (B A K, n), rewards
+    and terminated (B A K,).
     """
     points, chunk = len(noise), len(copies)
     every = states.repeat_interleave(points * copies.n_actions, 0).split(chunk)
@@ -61,8 +61,8 @@ class GridPlan:
 
     def q(self, states: Tensor) -> Tensor:
         """Optimal action values (B, A) at the states (B, n)."""
-        # Not an interpolation of the nodes' action values: beside a door post that would mix nodes
-        # before the door with nodes before the wall, and 1 to 2 % of the episodes would get stuck.
+        # Interpolating the nodes' action values would mix, beside a door post, nodes before the
+        # door with nodes before the wall, and 1 to 2 % of the episodes would get stuck.
         parts = []
         for part in states.split(CHUNK):
             reached, reward, terminated = try_out(self.copies, part, self.noise)

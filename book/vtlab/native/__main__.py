@@ -10,7 +10,7 @@ from vtlib.native.build import compile_library
 
 page = sys.argv[1:] == ["page"]
 try:
-    made = [compile_page()] if page else compile_library(RUNS)
-    print(f"compiled: {', '.join(path.name for path in made)}")
+    paths = [compile_page()] if page else compile_library(RUNS)
+    print(f"compiled: {', '.join(path.name for path in paths)}")
 except RuntimeError as error:
     sys.exit(f"{error}{'' if page else '; torch computes instead'}")

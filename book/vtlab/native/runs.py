@@ -64,11 +64,12 @@ def supports(family: TaskFamily, algorithm: Any, sources: int) -> bool:
         return False
     if getattr(library, f"{family.kernel}_weights")() != family.q().d:
         return False
-    # nor here what derives from them, whose agent or dynamics may be another's
     if type(algorithm) is FineTuning:
         algorithm = algorithm.learner
-    known = type(algorithm) in (MellowTDSettings, Settings) and algorithm.gamma == DISCOUNT
-    if not known or algorithm.minibatch > MOST_BATCH:
+    # a derived class may have another agent, so only these classes themselves are supported
+    if type(algorithm) not in (MellowTDSettings, Settings) or algorithm.gamma != DISCOUNT:
+        return False
+    if algorithm.minibatch > MOST_BATCH:
         return False
     return not algorithm.transfers or bool(
         algorithm.components <= MOST_COMPONENTS
@@ -79,14 +80,14 @@ def supports(family: TaskFamily, algorithm: Any, sources: int) -> bool:
 
 
 def kernel_settings(algorithm: Any) -> dict[str, Any]:
-    """What the kernel is told of an algorithm, by the names that it has there."""
+    """What the kernel needs to know of an algorithm, by the names of its fields there."""
     s = algorithm
-    told = {x: getattr(s, x) for x in f"{INTEGERS} {NUMBERS}".split() if hasattr(s, x)}
+    fields = {x: getattr(s, x) for x in f"{INTEGERS} {NUMBERS}".split() if hasattr(s, x)}
     if not s.transfers:
-        return {**told, "family": LEARNER, "components": 1, "alpha_mu": s.alpha, "clip": NO_CLIP}
+        return {**fields, "family": LEARNER, "components": 1, "alpha_mu": s.alpha, "clip": NO_CLIP}
     gaussian = s.family == "gaussian"
     return {
-        **told,
+        **fields,
         "family": GAUSSIAN if gaussian else MIXTURE,
         "clip": NO_CLIP if s.clip is None else s.clip,
         "kl_clip": NO_CLIP if s.kl_clip is None else s.kl_clip,
@@ -99,7 +100,7 @@ def kernel_settings(algorithm: Any) -> dict[str, Any]:
 class NativeRun:
     """One run in the kernel's memory, on the task in a row of a batch.
 
-    given: sources (S, d) if the algorithm transfers, else first weights (d,). mu (C, d) are the
+    start: sources (S, d) if the algorithm transfers, else first weights (d,). mu (C, d) are the
     present means, L the first factor's entries. Random numbers have the names of an experiment's.
     """
 
@@ -109,12 +110,12 @@ class NativeRun:
         tasks: Tasks,
         row: int,
         algorithm: Any,
-        given: Tensor,
+        start: Tensor,
         name: str,
         run: int,
     ) -> None:
         if isinstance(algorithm, FineTuning):
-            given = algorithm.first_weights(given.unsqueeze(0))[0]
+            start = algorithm.first_weights(start.unsqueeze(0))[0]
             algorithm = algorithm.learner
         library = kernels(RUNS)
         self._call = {
@@ -131,33 +132,30 @@ class NativeRun:
         self._at = ctypes.c_void_p(begin + -begin % LINE)
         self._settings = _Settings.from_buffer(self._memory.data, self._place("settings"))
         wide = -(-self._d // LANES) * LANES
+        most = {"mu": MOST_COMPONENTS, "sources": MOST_SOURCES, "W": MOST_SOURCES}
         self.mu, self._sources, self._W = (
-            self._floats(name, most * wide).reshape(most, wide)[:, : self._d]
-            for name, most in (
-                ("mu", MOST_COMPONENTS),
-                ("sources", MOST_SOURCES),
-                ("W", MOST_SOURCES),
-            )
+            self._floats(name, rows * wide).reshape(rows, wide)[:, : self._d]
+            for name, rows in most.items()
         )
         self.L = self._floats("L", kernels().posterior_size(self._d))
         self._observation = self._floats("observation", tasks.obs_dim)
-        factors = self._set(given, family.kernel_parameters(tasks, row))
+        factors = self._set(start, family.kernel_parameters(tasks, row))
         noise = self._numbers("posterior", 1)
         if self.mu.shape[0] > 1:
             self._numbers("component", 1)  # the engine draws one before its first step
-        start = self._numbers("start", 1)
-        self._call["begin"](self._at, factors.ctypes, noise.ctypes, start.ctypes)
+        place = self._numbers("start", 1)
+        self._call["begin"](self._at, factors.ctypes, noise.ctypes, place.ctypes)
 
     def _place(self, name: str) -> int:
         """Where a part of the kernel's run lies, in bytes of the memory."""
-        found: int = self._call["place"](self._at, PLACES.index(name))
-        return found - self._memory.ctypes.data
+        address: int = self._call["place"](self._at, PLACES.index(name))
+        return address - self._memory.ctypes.data
 
     def _floats(self, name: str, count: int) -> np.ndarray:
-        """So many numbers of a part of the kernel's run, as an array upon them."""
+        """The first numbers of a part of the kernel's run, as an array that shares its memory."""
         return self._memory[self._place(name) :][: 4 * count].view(np.float32)
 
-    def _set(self, given: Tensor, parameters: list[float]) -> np.ndarray:
+    def _set(self, first: Tensor, parameters: list[float]) -> np.ndarray:
         """Hand over all that a run begins with, but the factors L (C, d, d), which are returned."""
         s, to = self._algorithm, self._settings
         for name, value in kernel_settings(s).items():
@@ -165,25 +163,25 @@ class NativeRun:
         to.task[:] = [*parameters, *[0.0] * (MOST_PARAMETERS - len(parameters))]
         if not s.transfers:
             self.mu = self.mu[:1]
-            self.mu[:] = given.numpy()
+            self.mu[:] = first.numpy()
             return np.zeros(0, np.float32)
-        to.sources = len(given)
-        prior = s.prior(given.unsqueeze(0))
+        to.sources = len(first)
+        prior = s.prior(first.unsqueeze(0))
         start = prior.start(s.components, s.init)
         self.mu = self.mu[: s.components]
         self.mu[:] = start.mu[0].numpy()
         if prior.precision.W is not None:
             self._sources[0] = prior.mu[0, 0].numpy()
-            self._W[: len(given)] = prior.precision.W[0].T.numpy()
+            self._W[: len(first)] = prior.precision.W[0].T.numpy()
         elif to.equal:  # only their mean matters
-            self._sources[0], to.sources = given.mean(0).numpy(), 1
+            self._sources[0], to.sources = first.mean(0).numpy(), 1
         else:
-            self._sources[: len(given)] = given.numpy()
+            self._sources[: len(first)] = first.numpy()
         return np.ascontiguousarray(start_factors(start, s.sigma_min).numpy())
 
     def _numbers(self, role: str, iterations: int) -> np.ndarray:
         s, tasks, rng = self._algorithm, self._tasks, self._rng[role]
-        each = {
+        count = {
             "posterior": s.components * (s.n_samples + 1) * self._d if s.transfers else 0,
             "component": int(s.transfers and s.components > 1),
             "replay": s.minibatch,
@@ -193,11 +191,11 @@ class NativeRun:
         }[role]
         normal = role in ("posterior", "noise")
         draw: Any = rng.standard_normal if normal else rng.random
-        numbers: np.ndarray = draw(iterations * each, np.float32)
+        numbers: np.ndarray = draw(iterations * count, np.float32)
         return numbers
 
     def advance(self, iterations: int) -> None:
-        """So many iterations."""
+        """Run some iterations."""
         for done in range(0, iterations, AHEAD):
             count = min(AHEAD, iterations - done)
             numbers = [self._numbers(role, count) for role in ROLES]
@@ -229,10 +227,10 @@ def train_natively(
 ) -> Curves:
     """As ``vtlib.training.train``; each run goes on alone from one record to the next.
 
-    As many run at once as there are threads, for the kernels leave Python's lock to others, and go
-    on while they are evaluated.
+    As many run at once as there are threads, because kernels leave Python's lock to other threads.
+    Runs go on while they are evaluated.
     """
-    kept, learning, greedy, prints = [], [], [], []
+    recorded, learning, greedy, prints = [], [], [], []
     records = range(every, iterations + 1, every)
     times = sorted({*records, *(f for f in FINGERPRINTS if f <= iterations)})
     pool = ThreadPoolExecutor(threads)
@@ -243,14 +241,14 @@ def train_natively(
     try:
         under_way = advance(times[0])
         for t, later in itertools.zip_longest(times, times[1:]):
-            for one in under_way:
-                one.result()
+            for future in under_way:
+                future.result()
             if t in FINGERPRINTS:
                 prints.append([run.fingerprint for run in runs])
             if t in records:
                 mu = torch.from_numpy(np.stack([run.mu for run in runs]))
                 check_finite(mu, names, t)
-                kept.append(t)
+                recorded.append(t)
                 learning.append([run.learning for run in runs])
             if later is not None:
                 under_way = advance(later - t)
@@ -260,4 +258,4 @@ def train_natively(
                     break
     finally:
         pool.shutdown(cancel_futures=True)
-    return curves_of(len(runs), kept, learning, greedy, prints)
+    return curves_of(len(runs), recorded, learning, greedy, prints)

@@ -17,9 +17,8 @@ from vtlab.envs.cartpole.gym import CartpoleEnv
 from vtlab.envs.maze.gym import MazeEnv
 from vtlab.envs.mountain_car.gym import MountainCarEnv
 from vtlab.envs.rooms.gym import RoomsEnv
-from vtlab.envs.rooms.tasks import even_walls
 
-DOOR, WALL = torch.full((1, 1), 5.0), even_walls(1)
+DOOR, WALL = torch.full((1, 1), 5.0), torch.tensor([5.0])
 FREE, CORNER = torch.zeros(2, 10, 10, dtype=torch.bool), torch.tensor([[9, 9], [0, 9]])
 ONLY_GOALS = (~FREE).index_put((torch.arange(2), *CORNER.T), torch.tensor(False))
 ONES = torch.ones(2)

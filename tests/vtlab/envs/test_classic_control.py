@@ -112,4 +112,4 @@ def test_the_last_reward_is_told_to_the_kernel_and_alike_where_tasks_join():
     assert [family.kernel_parameters(tasks, row) for row in (0, 1)] == expected
     assert torch.equal(tasks.speed, MountainCarFamily().draw_tasks("t", [0, 1]).speed)
     with pytest.raises(ValueError, match="must have the same last_reward"):
-        family.join([tasks, MountainCarFamily().draw_tasks("t", [0])])
+        MountainCar.join([tasks, MountainCarFamily().draw_tasks("t", [0])])

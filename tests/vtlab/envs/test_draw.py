@@ -5,28 +5,18 @@ import math
 import numpy as np
 import pytest
 import torch
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
-from matplotlib.patches import Circle
 
-from vtlab.envs import Cartpole, Mazes, MountainCar, Rooms
+from vtlab.envs import Cartpole, Mazes, Rooms
 from vtlab.envs.cartpole.draw import draw_cartpole
-from vtlab.envs.draw import BODY, FLAG, INK, POLE
+from vtlab.envs.draw import FLAG, INK, POLE
 from vtlab.envs.maze.draw import draw_maze
-from vtlab.envs.mountain_car.draw import draw_mountain_car
 from vtlab.envs.rooms.draw import draw_rooms
-
-MAZES = Mazes.of(["north-east 0", "south-west 14"])
 
 
 def drawn(draw, *arguments):
-    """Axes of 400 x 400 pixels, drawn once."""
-    figure = Figure(figsize=(4, 4), dpi=100)
-    FigureCanvasAgg(figure)
-    ax = figure.add_axes((0, 0, 1, 1))
+    ax = Figure().add_axes((0, 0, 1, 1))
     draw(ax, *arguments)
-    figure.canvas.draw()
     return ax
 
 
@@ -37,46 +27,20 @@ def test_the_drawing_of_rooms_leaves_the_doors_open():
     assert gaps == [(1.5, 2.5), (6.5, 7.5)]
 
 
-@pytest.mark.parametrize(("half", "angle"), [(0.2, 0.2), (1.0, 0.03)])
-def test_a_pole_has_its_length_and_angle_and_is_seen_whole(half, angle):
-    poles = Cartpole.of(2, cart_mass=1.0, pole_mass=0.1, half_length=[0.5, half])
-    ax = drawn(draw_cartpole, poles, 1, [-1.0, 0, angle, 0])
+def test_a_pole_has_its_length_and_angle():
+    poles = Cartpole.of(2, cart_mass=1.0, pole_mass=0.1, half_length=[0.5, 1.0])
+    ax = drawn(draw_cartpole, poles, 1, [-1.0, 0, 0.03, 0])
     (pole,) = [line for line in ax.lines if line.get_color() == POLE]
     x, y = np.diff(pole.get_xydata(), axis=0)[0]
-    assert (np.hypot(x, y), np.arctan2(x, y)) == pytest.approx((2 * half, angle))
+    assert (np.hypot(x, y), np.arctan2(x, y)) == pytest.approx((2.0, 0.03))
     assert pole.get_xydata()[0, 0] == -1.0
-    assert ax.get_ylim()[1] > pole.get_xydata()[1, 1]
 
 
-@pytest.mark.parametrize("position", [-1.2, -0.5, 0.55])
-def test_the_car_stands_on_the_hill(position):
-    ax = drawn(draw_mountain_car, MountainCar.of(1, speed=0.001), 0, [position, 0])
-    (hill,) = [line for line in ax.lines if len(line.get_xdata()) > 2]
-    (body,) = [p for p in ax.patches if p.get_facecolor()[:3] == to_rgb(BODY)]
-    outline = body.get_transform().transform(body.get_path().vertices)
-    centre = ax.transData.inverted().transform(outline).mean(0)
-    assert np.hypot(*(centre - [position, np.interp(position, *hill.get_xydata().T)])) < 0.1
-
-
-def test_cells_are_drawn_where_they_are_and_without_seams():
-    ax = drawn(draw_maze, MAZES, 1)
-    picture = np.asarray(ax.figure.canvas.buffer_rgba())[..., :3].astype(int)
-    # Middles of the cells, [x, y] from bottom left.
-    middles, maze = picture[20::40, 20::40][::-1].transpose(1, 0, 2), MAZES.walls[1].numpy()
-    assert middles[0, 0].tolist() == [round(255 * part) for part in to_rgb(FLAG)]
-    middles[0, 0] = 255
-    assert (middles[maze].sum(1) < 300).all()
-    assert (middles[~maze] == 255).all()
-    # Row 7 from above of "south-west 14" begins with three walls.
-    assert (np.ptp(picture[260, 6:114], axis=0) == 0).all()
-
-
-def test_the_robot_stands_in_its_place_and_its_rays_end_where_they_read():
+def test_the_rays_of_a_robot_end_where_they_read():
     state = [0.5, 2.5, -math.pi / 2]
-    ax = drawn(draw_maze, MAZES, 1, state)
-    (robot,) = [patch for patch in ax.patches if isinstance(patch, Circle)]
-    assert robot.center == pytest.approx((0.5, 2.5))
-    lengths, flags = MAZES.select([1]).observe(torch.tensor([state]))[0, 4:].view(2, 9)
+    maze = Mazes.of(["south-west 14"])
+    ax = drawn(draw_maze, maze, 0, state)
+    lengths, flags = maze.observe(torch.tensor([state]))[0, 4:].view(2, 9)
     lines = [line for line in ax.lines if line.get_color() in (INK, FLAG)]
     rays = [line for line in lines if len(line.get_xdata()) == 2]
     ends = np.array([ray.get_xydata() for ray in rays])

@@ -61,11 +61,14 @@ def test_a_rollout_is_the_dynamics_under_the_environments_own_noise(name):
     assert ours[1] or name != "Cartpole"
 
 
-def test_the_defaults_are_gymnasiums_own():
+def test_the_defaults_are_gymnasiums_own_and_environments_have_a_seed_each():
     pole, car = (gymnasium.make(x).unwrapped for x in ("CartPole-v1", "MountainCar-v0"))
-    own, ours = (pole.masscart, pole.masspole, pole.length), CartpoleEnv().tasks
-    assert [ours.cart_mass, ours.pole_mass, ours.half_length] == pytest.approx(own)
+    expected, tasks = (pole.masscart, pole.masspole, pole.length), CartpoleEnv().tasks
+    assert [tasks.cart_mass, tasks.pole_mass, tasks.half_length] == pytest.approx(expected)
     assert MountainCarEnv().tasks.speed == pytest.approx(car.force)
+    both = gymnasium.make_vec("vtlab/Cartpole-v0", num_envs=2, vectorization_mode="sync")
+    alone = [gymnasium.make("vtlab/Cartpole-v0").reset(seed=seed)[0] for seed in (3, 4)]
+    assert np.array_equal(both.reset(seed=[3, 4])[0], alone)
 
 
 @every_env
@@ -88,12 +91,6 @@ def test_an_episode_is_truncated_drawn_and_then_needs_a_reset(name):
         env.step(0)
     env.reset()
     assert not env.step(1)[3]
-
-
-def test_environments_side_by_side_have_a_seed_each():
-    both = gymnasium.make_vec("vtlab/Rooms-v0", num_envs=2, vectorization_mode="sync")
-    alone = [gymnasium.make("vtlab/Rooms-v0").reset(seed=seed)[0] for seed in (3, 4)]
-    assert np.array_equal(both.reset(seed=[3, 4])[0], alone)
 
 
 def test_the_guides_lines_train_a_learner_of_stable_baselines3():

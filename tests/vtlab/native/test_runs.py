@@ -148,27 +148,16 @@ def test_as_many_runs_advance_at_once_as_there_are_threads(monkeypatch):
 
 
 def test_what_the_kernels_do_not_know_is_left_to_the_engine(monkeypatch):
-    class Own(Settings):
-        """Settings whose agent may be another one."""
-
+    own, tuning, family = (type("Own", (x,), {}) for x in (Settings, FineTuning, RoomsFamily))
     assert supports(ROOMS, Settings(), 5)
     assert not supports(ROOMS, Settings(), 11)
-    assert not supports(MazeFamily(), Settings(), 5)
+    for other in (MazeFamily(), family()):
+        assert not supports(other, Settings(), 5)
     beyond = {"components": 4, "n_samples": 16, "minibatch": 513, "patience": 1}
-    others = {**beyond, "act": "episode", "covariance": "diagonal"}
-    changed = [evolve(Settings(), **{name: value}) for name, value in others.items()]
-
-    class OwnTuning(FineTuning):
-        """Fine-tuning whose agent may be another one."""
-
-    class OwnFamily(RoomsFamily):
-        """Rooms whose dynamics may be others."""
-
-    # the kernels tell returns by the algorithm's discount, the engine by the task's
-    other_discounts = Settings(gamma=0.5), evolve(LEARNER, gamma=0.5)
-    own = Own(), DEEP, FineTuning(DEEP), OwnTuning(LEARNER), *other_discounts
-    for algorithm in (*changed, *own):
+    changes = {**beyond, "act": "episode", "covariance": "diagonal", "gamma": 0.5}
+    algorithms = [evolve(Settings(), **{name: value}) for name, value in changes.items()]
+    algorithms += [own(), DEEP, FineTuning(DEEP), tuning(LEARNER), evolve(LEARNER, gamma=0.5)]
+    for algorithm in algorithms:
         assert not supports(ROOMS, algorithm, 5)
-    assert not supports(OwnFamily(), Settings(), 5)
     monkeypatch.setattr("vtlab.native.runs.kernels", lambda _: None)
     assert not supports(ROOMS, Settings(), 5)

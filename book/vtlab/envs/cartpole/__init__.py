@@ -9,7 +9,6 @@ from torch import Tensor
 
 from vtlab.envs.base import Plane, TaskFamily
 from vtlab.envs.cartpole.tasks import ANGLE_LIMIT, Cartpole
-from vtlib.checks import check_whole
 from vtlib.qfunctions import MLP
 
 __all__ = ["Cartpole", "CartpoleFamily"]
@@ -49,7 +48,6 @@ class CartpoleFamily(TaskFamily):
 
     def sample(self, rng: np.random.Generator, count: int) -> Cartpole:
         """Draw `count` tasks, independent and alike. Raises ValueError when count < 1."""
-        check_whole("count", count)
         return Cartpole.of(
             count,
             cart_mass=rng.uniform(0.5, 1.5, count),

@@ -1,10 +1,12 @@
 """Cartpole as a Gymnasium environment, over `Cartpole.step`."""
 
+from typing import Any
+
 import numpy as np
 from gymnasium import spaces
 
 from vtlab.envs.cartpole.tasks import ANGLE_LIMIT, POSITION_LIMIT, Cartpole
-from vtlab.envs.gym import TasksEnv, env_metadata
+from vtlab.envs.gym import TasksEnv
 
 
 class CartpoleEnv(TasksEnv):
@@ -51,12 +53,11 @@ class CartpoleEnv(TasksEnv):
     ## Arguments
     - `cart_mass`, `pole_mass`: in kg. Default 1 and 0.1.
     - `half_length`: from the pivot to the pole's centre of mass, in m. Default 0.5.
-    - `horizon`: steps of a truncated episode. Default 100; Gymnasium's `make` needs
-      `max_episode_steps` beside it for more.
+    - `horizon`: steps of a truncated episode. Default 100.
     - `render_mode`: None or "rgb_array".
     """
 
-    metadata = env_metadata(50)
+    metadata = TasksEnv.metadata | {"render_fps": 50}
     drawing = "vtlab.envs.cartpole.draw:draw_cartpole"
     picture_size = (600, 300)
 
@@ -65,10 +66,9 @@ class CartpoleEnv(TasksEnv):
         cart_mass: float = 1.0,
         pole_mass: float = 0.1,
         half_length: float = 0.5,
-        horizon: int = Cartpole.horizon,
-        render_mode: str | None = None,
+        **options: Any,
     ) -> None:
         tasks = Cartpole.of(1, cart_mass=cart_mass, pole_mass=pole_mass, half_length=half_length)
         # Twice the limits, as in Gymnasium: the observation that ends an episode lies inside too.
         high = np.array([2 * POSITION_LIMIT, np.inf, 2 * ANGLE_LIMIT, np.inf], np.float32)
-        super().__init__(tasks, spaces.Box(-high, high, dtype=np.float32), horizon, render_mode)
+        super().__init__(tasks, spaces.Box(-high, high, dtype=np.float32), **options)

@@ -21,9 +21,8 @@ START_LIMIT = 0.05
 class Cartpole(ParameterBatch):
     """A batch of R cartpole tasks, with the equations of Gymnasium's CartPole-v1.
 
-    Masses (R,) are in kg, `half_length` (R,), from the pivot to the pole's centre of mass, in m. A
-    state is the cart's position (m) and velocity (m/s), the pole's angle (rad, 0 upright, positive
-    to the right) and angular velocity (rad/s).
+    Masses (R,) are in kg, `half_length` (R,), from the pivot to the pole's centre of mass, in m.
+    States (R, 4) are as `CartpoleEnv` lists them.
     """
 
     cart_mass: Tensor
@@ -43,11 +42,7 @@ class Cartpole(ParameterBatch):
         return START_LIMIT * (2 * u - 1)
 
     def step(self, state: Tensor, action: Tensor, noise: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        """Push every cart once: next state (R, 4), reward (R,) float32, terminated (R,) bool.
-
-        `action` (R,) int64 is 0 for left and 1 for right, `noise` is (R, 0). The reward is always
-        1. Raises ValueError when a shape is another one.
-        """
+        """Push every cart once; `action` is 0 for left and 1 for right, the reward always 1."""
         self._check_step(state, action, noise)
         _, velocity, angle, spin = state.unbind(1)
         sin, cos = angle.sin(), angle.cos()

@@ -9,7 +9,7 @@ from torch import Tensor
 
 from vtlab.envs.base import TaskFamily
 from vtlab.envs.maze.library import library, load_mazes, parse_maze
-from vtlab.envs.maze.plan import earned, plan_maze
+from vtlab.envs.maze.plan import mean_return, plan_maze
 from vtlab.envs.maze.tasks import Mazes
 from vtlib.checks import check_one_of, check_whole, shown
 from vtlib.qfunctions import MLP
@@ -19,7 +19,7 @@ __all__ = ["MazeFamily", "Mazes", "load_mazes", "parse_maze"]
 
 @frozen
 class MazeFamily(TaskFamily):
-    """Mazes of the library, each of `names` as likely; all twenty unless told otherwise.
+    """Mazes of the library, each of `names` as likely; all twenty by default.
 
     Raises ValueError when there is no name, or an unknown one.
     """
@@ -42,11 +42,10 @@ class MazeFamily(TaskFamily):
 
     def optimum(self, tasks: Mazes) -> Tensor:
         """What the planned policy earns (R,). A maze's number is the same in every batch."""
-        drawn = torch.cat([tasks.walls.flatten(1).long(), tasks.goal], 1)
-        _, which = drawn.unique(dim=0, return_inverse=True)
-        mazes = which.tolist()
-        found = {maze: earned(plan_maze(tasks, mazes.index(maze))) for maze in set(mazes)}
-        return torch.stack([found[maze] for maze in mazes])
+        rows = torch.cat([tasks.walls.flatten(1).long(), tasks.goal], 1)
+        mazes = rows.unique(dim=0, return_inverse=True)[1].tolist()
+        returns = {maze: mean_return(plan_maze(tasks, mazes.index(maze))) for maze in set(mazes)}
+        return torch.stack([returns[maze] for maze in mazes])
 
     def sample(self, rng: np.random.Generator, count: int) -> Mazes:
         """Draw `count` tasks, independent and alike. Raises ValueError when count < 1."""

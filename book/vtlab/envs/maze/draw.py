@@ -15,10 +15,9 @@ ROBOT = 0.22  # m, the radius drawn; the robot itself is a point
 
 
 def draw_maze(ax: Axes, tasks: Mazes, index: int = 0, state: ArrayLike | None = None) -> None:
-    """Draw task `index` on `ax`, in m: walls, goal, and the robot in `state` (3,) if given.
+    """Draw task `index` on `ax`, in m: walls, goal, and the robot in `state` (3,), if there is one.
 
-    Its sensors' rays are shown as far as they see, green where they meet the goal and ending in a
-    dot where they meet a wall.
+    The rays of its sensors are green where they meet the goal, and end in a dot at a wall.
     """
     x, y = tasks.goal[index].tolist()
     ax.add_patch(Rectangle((x, y), 1, 1, color=FLAG, lw=0))
@@ -37,8 +36,8 @@ def draw_maze(ax: Axes, tasks: Mazes, index: int = 0, state: ArrayLike | None = 
 
 
 def _draw_rays(ax: Axes, tasks: Mazes, index: int, pose: np.ndarray) -> None:
-    seen = tasks.select([index]).observe(torch.from_numpy(pose[None]))[0].numpy()
-    distance, flag = seen[4 : 4 + SENSORS], seen[4 + SENSORS :]
+    obs = tasks.select([index]).observe(torch.from_numpy(pose[None]))[0].numpy()
+    distance, flag = obs[4 : 4 + SENSORS], obs[4 + SENSORS :]
     for angle, length, goal in zip(pose[2] + ANGLES, distance, flag, strict=True):
         end = pose[:2] + length * np.array([np.cos(angle), np.sin(angle)])
         color = FLAG if goal else INK

@@ -1,8 +1,8 @@
 """Where straight lines meet the walls of mazes, for a batch of mazes of unit cells at once.
 
-What lies behind each of the few grid lines that a line can cross is looked up, for both axes along
-a dimension of length two. In NumPy, whose operations on small arrays cost a third of torch's, and
-in float64, so that rounding does not decide what a ray sees that passes close by a corner.
+The cell behind each of the few grid lines that a line can cross is looked up, for both axes along a
+dimension of length two. NumPy takes a third of torch's time for small arrays. In float64 rounding
+does not decide what a ray sees that passes close by a corner.
 """
 
 from __future__ import annotations
@@ -83,20 +83,19 @@ def look(
     aside = np.floor(distance * direction[::-1] + position[::-1, None])
     start = cell * _STRIDE + ground.origin
     beyond = start[:, None] + sign * _STRIDE[:, None] * (1 + _LINES)
-    found = ground.at(beyond + aside * _STRIDE[::-1, None])
-    wall = np.maximum(distance, found).min((0, 1)).clip(max=REACH)
-    goal = np.maximum(distance, GOAL - found).min((0, 1))
+    contents = ground.at(beyond + aside * _STRIDE[::-1, None])
+    wall = np.maximum(distance, contents).min((0, 1)).clip(max=REACH)
+    goal = np.maximum(distance, GOAL - contents).min((0, 1))
     # A robot in the goal's cell meets it at once.
-    own = GOAL - ground.at(start[0] + cell[1])
-    return wall, np.minimum(goal, own) < wall
+    here = GOAL - ground.at(start[0] + cell[1])
+    return wall, np.minimum(goal, here) < wall
 
 
 def advance(ground: Ground, position: np.ndarray, move: np.ndarray) -> np.ndarray:
     """Where moves (2, R) from positions (2, R) end, going as far as no wall is in their way.
 
-    The border of the square cuts each coordinate by itself, so that a robot slides along it; a wall
-    within stops the move. A robot that keeps CLEARANCE from all walls still does afterwards. Moves
-    longer than LONGEST_MOVE along an axis are cut to it.
+    A robot slides along the border of the square, but stops at a wall within. If it keeps CLEARANCE
+    from all walls before, it does afterwards. Moves are cut to LONGEST_MOVE along each axis.
     """
     aim = position + move.clip(-LONGEST_MOVE, LONGEST_MOVE)
     move = aim.clip(BORDER, SIDE - BORDER) - position
@@ -107,10 +106,10 @@ def advance(ground: Ground, position: np.ndarray, move: np.ndarray) -> np.ndarra
     line = cell + 0.5 + (0.5 - CLEARANCE) * sign
     with np.errstate(divide="ignore", invalid="ignore"):
         share = np.fmax(np.fmin((line - position) / move, FREE), 0.0)
-    # There two cells have to be free, should the robot be at the edge between them.
+    # Two cells have to be free there where the robot is at the edge between them.
     aside = np.floor(position[::-1] + share * move[::-1] + _EDGES)
     beyond = (cell + sign) * _STRIDE + ground.origin
-    found = ground.at(beyond + aside * _STRIDE[::-1]).min(0)
-    first = np.maximum(share, found).min(0)
+    contents = ground.at(beyond + aside * _STRIDE[::-1]).min(0)
+    first = np.maximum(share, contents).min(0)
     end: np.ndarray = position + (first - BACK_OFF).clip(0.0, 1.0) * move
     return end

@@ -1,9 +1,11 @@
 """Maze navigation as a Gymnasium environment, over `Mazes.step`."""
 
+from typing import Any
+
 import numpy as np
 from gymnasium import spaces
 
-from vtlab.envs.gym import TasksEnv, env_metadata
+from vtlab.envs.gym import TasksEnv
 from vtlab.envs.maze.geometry import REACH, SIDE
 from vtlab.envs.maze.library import Maze
 from vtlab.envs.maze.tasks import SENSORS, Mazes
@@ -13,9 +15,8 @@ class MazeEnv(TasksEnv):
     """A robot with nine distance sensors in a maze, to be driven to the goal in a corner.
 
     ## Description
-    A square of 10 x 10 m is made of cells, 1 m wide, that are walls or free. A robot, small as a
-    point, drives in it to the goal, a corner cell. Tasks differ in the walls and the goal's corner.
-    Source: thesis section 6.3.
+    A square of 10 x 10 m is made of cells, 1 m wide, that are walls or free. A robot, a point,
+    drives to the goal, a corner cell. Tasks differ in walls and goal. Source: thesis section 6.3.
 
     ## Observation Space
     A `Box` of shape (22,), float32:
@@ -53,21 +54,15 @@ class MazeEnv(TasksEnv):
 
     ## Arguments
     - `maze`: a name in the library, or what `vtlab.envs.parse_maze` reads. Default "north-east 0".
-    - `horizon`: steps of a truncated episode. Default 100; Gymnasium's `make` needs
-      `max_episode_steps` beside it for more.
+    - `horizon`: steps of a truncated episode. Default 100.
     - `render_mode`: None or "rgb_array".
     """
 
-    metadata = env_metadata(10)
+    metadata = TasksEnv.metadata | {"render_fps": 10}
     drawing = "vtlab.envs.maze.draw:draw_maze"
 
-    def __init__(
-        self,
-        maze: str | Maze = "north-east 0",
-        horizon: int = Mazes.horizon,
-        render_mode: str | None = None,
-    ) -> None:
+    def __init__(self, maze: str | Maze = "north-east 0", **options: Any) -> None:
         low = np.array([0, 0, -1, -1, *[0] * 2 * SENSORS], np.float32)
         high = np.array([SIDE, SIDE, 1, 1, *[REACH] * SENSORS, *[1] * SENSORS], np.float32)
         space = spaces.Box(low, high, dtype=np.float32)
-        super().__init__(Mazes.of([maze]), space, horizon, render_mode)
+        super().__init__(Mazes.of([maze]), space, **options)

@@ -42,18 +42,17 @@ def parse_maze(text: str, name: str = "maze") -> Maze:
 def load_mazes(path: Path | str) -> dict[str, Maze]:
     """The mazes of a text file by their names, in its order.
 
-    A maze is a line with its name and ten rows as `parse_maze` reads them; blank lines stand
-    between mazes, and lines that begin with ';' are comments. Raises ValueError with one line that
-    gives the maze and its first fault.
+    A maze is a line with its name and ten rows as for `parse_maze`; blank lines separate mazes, and
+    ';' begins a comment. Raises ValueError with one line that gives the maze and its first fault.
     """
     file = one_line(Path(path).name)
     try:
         lines = Path(path).read_text(encoding="utf-8").splitlines()
     except UnicodeDecodeError as error:
         raise ValueError(f"{file}: it is not text in UTF-8 ({error.reason})") from None
-    kept = "\n".join(line.strip() for line in lines if not line.lstrip().startswith(COMMENT))
+    text = "\n".join(line.strip() for line in lines if not line.lstrip().startswith(COMMENT))
     mazes: dict[str, Maze] = {}
-    for block in filter(None, (block.strip() for block in kept.split("\n\n"))):
+    for block in filter(None, (block.strip() for block in text.split("\n\n"))):
         name, _, rows = block.partition("\n")
         if set(name) <= {WALL, FREE, GOAL}:
             raise ValueError(f"{file}: the maze that begins with {name} has no name")

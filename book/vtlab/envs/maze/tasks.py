@@ -24,7 +24,6 @@ SENSORS = 9
 # Of the rays, rad from the heading to the left. A hair off, for a ray that passes exactly through
 # the point where two walls touch, as with heading 0 from a cell's middle, would see between them.
 ANGLES = np.linspace(-math.pi / 2, math.pi / 2, SENSORS) + 1e-10
-ACTIONS = ("FORWARD", "LEFT", "RIGHT")
 _EFFECTS = np.array([[STEP_LENGTH, 0.0, 0.0], [0.0, TURN, -TURN]])  # m ahead, rad to the left
 
 
@@ -71,10 +70,10 @@ class Mazes(TaskBatch):
         """One task for each of at least one maze, one's own or named in the library."""
         if not len(mazes):
             raise ValueError("there must be at least one maze")
-        drawn = [named(maze) if isinstance(maze, str) else maze for maze in mazes]
-        for maze in drawn:
+        batch = [named(maze) if isinstance(maze, str) else maze for maze in mazes]
+        for maze in batch:
             check_kind("maze", maze, Maze)
-        walls, goal = np.stack([maze.walls for maze in drawn]), [maze.goal for maze in drawn]
+        walls, goal = np.stack([maze.walls for maze in batch]), [maze.goal for maze in batch]
         return cls(torch.from_numpy(walls), torch.tensor(goal))
 
     def start(self, u: Tensor) -> Tensor:
@@ -88,11 +87,7 @@ class Mazes(TaskBatch):
         return _rows(position, 2 * math.pi * turn[None])
 
     def step(self, state: Tensor, action: Tensor, noise: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        """Move every robot once: next state (R, 3), reward (R,) float32, terminated (R,) bool.
-
-        `action` (R,) int64 is 0 for forward, 1 for left and 2 for right, `noise` (R, 3) standard
-        normal. Raises ValueError when a shape is another one.
-        """
+        """Move every robot once; `action` is 0 for forward, 1 for left and 2 for right."""
         self._check_step(state, action, noise)
         pose, jolt = _columns(state), NOISE_SCALE * _columns(noise)
         forward, turn = _EFFECTS[:, action.numpy()]

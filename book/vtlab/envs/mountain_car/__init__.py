@@ -6,9 +6,9 @@ from attrs import evolve, field, frozen
 from torch import Tensor
 
 from vtlab.envs.base import Plane, TaskFamily
-from vtlab.envs.mountain_car.plan import earned
+from vtlab.envs.mountain_car.plan import mean_return
 from vtlab.envs.mountain_car.tasks import GOAL, MAX_SPEED, POSITIONS, MountainCar
-from vtlib.checks import between, check_whole
+from vtlib.checks import between
 from vtlib.qfunctions import MLP
 
 __all__ = ["MountainCar", "MountainCarFamily"]
@@ -41,11 +41,10 @@ class MountainCarFamily(TaskFamily):
 
     def optimum(self, tasks: MountainCar) -> Tensor:
         """What the planned policy earns (R,), from the episodes' own starts."""
-        return torch.stack([earned(tasks, index) for index in range(len(tasks))])
+        return torch.stack([mean_return(tasks, index) for index in range(len(tasks))])
 
     def sample(self, rng: np.random.Generator, count: int) -> MountainCar:
         """Draw `count` tasks, independent and alike. Raises ValueError when count < 1."""
-        check_whole("count", count)
         tasks = MountainCar.of(count, speed=rng.uniform(0.001, 0.0015, count))
         return evolve(tasks, last_reward=self.last_reward)
 

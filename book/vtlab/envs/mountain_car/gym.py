@@ -1,9 +1,11 @@
 """Mountain car as a Gymnasium environment, over `MountainCar.step`."""
 
+from typing import Any
+
 import numpy as np
 from gymnasium import spaces
 
-from vtlab.envs.gym import TasksEnv, env_metadata
+from vtlab.envs.gym import TasksEnv
 from vtlab.envs.mountain_car.tasks import MAX_SPEED, POSITIONS, MountainCar
 
 
@@ -42,21 +44,15 @@ class MountainCarEnv(TasksEnv):
 
     ## Arguments
     - `speed`: velocity that an action adds, in length per step. Default 0.001.
-    - `horizon`: steps of a truncated episode. Default 200; Gymnasium's `make` needs
-      `max_episode_steps` beside it for more.
+    - `horizon`: steps of a truncated episode. Default 200.
     - `render_mode`: None or "rgb_array".
     """
 
-    metadata = env_metadata(30)
+    metadata = TasksEnv.metadata | {"render_fps": 30}
     drawing = "vtlab.envs.mountain_car.draw:draw_mountain_car"
     picture_size = (600, 400)
 
-    def __init__(
-        self,
-        speed: float = 0.001,
-        horizon: int = MountainCar.horizon,
-        render_mode: str | None = None,
-    ) -> None:
+    def __init__(self, speed: float = 0.001, **options: Any) -> None:
         low, high = np.array([POSITIONS, (-MAX_SPEED, MAX_SPEED)], np.float32).T
         space = spaces.Box(low, high, dtype=np.float32)
-        super().__init__(MountainCar.of(1, speed=speed), space, horizon, render_mode)
+        super().__init__(MountainCar.of(1, speed=speed), space, **options)

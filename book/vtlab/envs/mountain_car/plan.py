@@ -19,11 +19,10 @@ def plan_mountain_car(tasks: MountainCar, index: int) -> GridPlan:
     return plan_without_noise(tasks, index, nodes, _locate, None, TOLERANCE)
 
 
-def earned(tasks: MountainCar, index: int) -> Tensor:
+def mean_return(tasks: MountainCar, index: int) -> Tensor:
     """The mean discounted return () of the planned policy over the episodes' own starts.
 
-    It is followed in the dynamics themselves, so the number is one that a policy reaches, whatever
-    the grid's error.
+    It is followed in the dynamics, so a policy reaches this number, whatever the grid's error.
     """
     planned, copies = plan_mountain_car(tasks, index), tasks.select([index] * STARTS)
     state = copies.start(((torch.arange(STARTS) + 0.5) / STARTS).unsqueeze(1))

@@ -20,8 +20,7 @@ class MountainCar(ParameterBatch):
     """A batch of R mountain car tasks, with the equations of Gymnasium's MountainCar-v0.
 
     `speed` (R,) is the velocity that an action adds in one step; `last_reward` is what the step to
-    the goal earns, every other one -1. A state is the car's position, in [-1.2, 0.6], and its
-    velocity per step, in [-0.07, 0.07].
+    the goal earns, every other one -1. States (R, 2) are as `MountainCarEnv` lists them.
     """
 
     speed: Tensor
@@ -40,11 +39,7 @@ class MountainCar(ParameterBatch):
         return torch.cat([-0.9 + 0.9 * u, torch.zeros_like(u)], 1)
 
     def step(self, state: Tensor, action: Tensor, noise: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        """Drive every car once: next state (R, 2), reward (R,) float32, terminated (R,) bool.
-
-        `action` (R,) int64 is 0 for left, 1 for none and 2 for right, `noise` is (R, 0). The reward
-        is -1, or `last_reward` at the goal. Raises ValueError when a shape is another one.
-        """
+        """Drive every car once; `action` is 0 for left, 1 for none and 2 for right."""
         self._check_step(state, action, noise)
         position, velocity = state.unbind(1)
         velocity = velocity + ((action - 1) * self.speed - GRAVITY * (3 * position).cos())

@@ -13,7 +13,6 @@ from vtlab.envs.base import TaskFamily
 from vtlab.envs.rooms.plan import plan_rooms
 from vtlab.envs.rooms.tasks import DOOR_RANGE, Rooms
 from vtlib.checks import check_between, check_positive, check_whole, kind, shown, whole
-from vtlib.episodes import Tasks
 from vtlib.qfunctions import RBFLinear
 
 __all__ = ["Rooms", "RoomsFamily"]
@@ -23,19 +22,20 @@ START_CELLS = 50  # per axis, whose middles stand for starts anywhere
 
 @frozen
 class RoomsFamily(TaskFamily):
-    """A distribution over rooms tasks: doors uniform in [0.5, 9.5] unless told otherwise.
+    """A distribution over rooms tasks: doors uniform in [0.5, 9.5] unless a field says otherwise.
 
-    `rooms` is 2 or 3; `fixed_lower` puts the lowest door at one place in every task (thesis
-    6.1.2); `normal` = (mean, standard deviation) draws the doors from a Normal distribution,
-    clipped to [0.5, 9.5] (thesis 6.1.4); `ladder` has the targets' doors go through so many evenly
-    spaced places in turn, one task after the other. The frontier lets agents slide unless it
-    `stops` them. Raises ValueError on any other value.
+    Raises ValueError for a value outside its range.
     """
 
+    #: How many rooms there are, 2 or 3.
     rooms: int = 3
+    #: Where the lowest door is in every task (thesis 6.1.2).
     fixed_lower: float | None = None
+    #: Mean and deviation of normal doors, which are clipped to [0.5, 9.5] (thesis 6.1.4).
     normal: tuple[float, float] | None = None
+    #: Through how many evenly spaced places the doors of the targets go, task by task.
     ladder: int = field(default=0, validator=whole(0))
+    #: Whether the outer wall stops agents, which else slide along it.
     stops: bool = field(default=False, validator=kind(bool))
 
     parameters = Rooms.parameters
@@ -58,16 +58,13 @@ class RoomsFamily(TaskFamily):
         return RBFLinear(torch.arange(11.0), 1 / 9, Rooms.n_actions)
 
     def optimum(self, tasks: Rooms) -> Tensor:
-        """Best expected discounted return (R,) of one episode, cut at the horizon.
-
-        From (0, 0), or the mean over starts anywhere in the square for tasks that start there.
-        """
+        """Best expected discounted return (R,) of an episode, over all starts that a task has."""
         u = torch.zeros(1, 2)
         if tasks.uniform_start:
             middles = (torch.arange(START_CELLS) + 0.5) / START_CELLS
             u = torch.cartesian_prod(middles, middles)
         plans = [plan_rooms(tasks, index) for index in range(len(tasks))]
-        return torch.stack([one.value(tasks.start(u)).mean() for one in plans])
+        return torch.stack([plan.value(tasks.start(u)).mean() for plan in plans])
 
     def sample(self, rng: np.random.Generator, count: int) -> Rooms:
         """Draw `count` tasks, independent and alike. Raises ValueError when count < 1."""
@@ -88,18 +85,11 @@ class RoomsFamily(TaskFamily):
         rungs = np.linspace(*DOOR_RANGE, self.ladder)[np.array(runs) % self.ladder]
         return Rooms.from_doors(np.repeat(rungs[:, None], self.rooms - 1, 1), stops=self.stops)
 
-    def source_tasks(self, stream: str, sources: Sequence[int]) -> Tasks:
-        """The tasks of some sources of a pool: each drawn from a generator of its own."""
-        return super().draw_tasks(stream, sources)
-
     def kernel_parameters(self, tasks: Rooms, row: int) -> list[float]:
-        """Both doors, the number of walls, whether starts are anywhere and the frontier stops."""
+        """Both doors, how many there are, whether starts are anywhere, whether the border stops."""
         doors = tasks.doors[row].tolist()
         return [doors[0], doors[-1], len(doors), tasks.uniform_start, tasks.stops]
 
     def for_sources(self, tasks: Rooms) -> Rooms:
-        """The same rooms with episodes that start anywhere.
-
-        From the corner alone, chance rarely finds the goal.
-        """
+        """The same rooms with starts anywhere: from the corner chance rarely finds the goal."""
         return attrs.evolve(tasks, uniform_start=True)

@@ -1,12 +1,13 @@
 """The rooms problem as a Gymnasium environment, over `Rooms.step`."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from gymnasium import spaces
 
 from vtlab.envs.base import float_array
-from vtlab.envs.gym import TasksEnv, env_metadata
+from vtlab.envs.gym import TasksEnv
 from vtlab.envs.rooms.tasks import SIDE, Rooms
 
 
@@ -43,23 +44,18 @@ class RoomsEnv(TasksEnv):
     ## Arguments
     - `doors`: their centres, in [0.5, 9.5], lowest wall first. Default (5, 5), for three rooms.
     - `uniform_start`: start anywhere in the square. Default False.
-    - `horizon`: steps of a truncated episode. Default 50; Gymnasium's `make` needs
-      `max_episode_steps` beside it for more.
+    - `horizon`: steps of a truncated episode. Default 50.
     - `render_mode`: None or "rgb_array".
     """
 
-    metadata = env_metadata(5)
+    metadata = TasksEnv.metadata | {"render_fps": 5}
     drawing = "vtlab.envs.rooms.draw:draw_rooms"
 
     def __init__(
-        self,
-        doors: Sequence[float] = (5.0, 5.0),
-        uniform_start: bool = False,
-        horizon: int = Rooms.horizon,
-        render_mode: str | None = None,
+        self, doors: Sequence[float] = (5.0, 5.0), uniform_start: bool = False, **options: Any
     ) -> None:
         centres = float_array("doors", doors)
         if centres.ndim != 1:
             raise ValueError(f"doors must have shape (W,), got {centres.shape}")
         space = spaces.Box(0.0, SIDE, (Rooms.obs_dim,), np.float32)
-        super().__init__(Rooms.from_doors(centres, uniform_start), space, horizon, render_mode)
+        super().__init__(Rooms.from_doors(centres, uniform_start), space, **options)

@@ -86,13 +86,12 @@ def plan_rooms(
 
 
 def gaussian_quadrature(count: int) -> Tensor:
-    """Points (count^2, 2) whose plain mean stands for one over two standard normal numbers.
+    """Points (count^2, 2), whose mean stands for the expectation over two standard normal numbers.
 
-    `count` points of equal probability on each axis, scaled to unit variance.
+    Each axis has `count` points of equal probability, scaled to unit variance.
     """
-    # Values jump at door posts and at the goal's rim. Gauss-Hermite points, best for smooth
-    # functions, lie too far apart near zero for that: 9 of them overrate a task by 0.001, 9 of
-    # these by 0.0002.
+    # Values jump at door posts and at the goal's rim. Gauss-Hermite points lie too far apart near
+    # zero for that: 9 of them overrate a task by 0.001, 9 of these by 0.0002.
     quantiles = [NormalDist().inv_cdf((i + 0.5) / count) for i in range(count)]
     points = torch.tensor(quantiles, dtype=torch.float64)
     points = (points / points.square().mean().sqrt()).float()

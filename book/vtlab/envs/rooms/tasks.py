@@ -19,13 +19,7 @@ DOOR_WIDTH = 1.0
 GOAL = (SIDE, SIDE)  # a corner: `step` uses that both coordinates are SIDE
 GOAL_RADIUS = 1.0
 DOOR_RANGE = (DOOR_WIDTH / 2, SIDE - DOOR_WIDTH / 2)
-ACTIONS = ("UP", "RIGHT", "DOWN", "LEFT")
 _MOVES = STEP_LENGTH * torch.tensor([[0.0, 1.0], [1.0, 0.0], [0.0, -1.0], [-1.0, 0.0]])
-
-
-def even_walls(count: int) -> Tensor:
-    """Heights (count,) of walls that cut the square into count + 1 rooms of equal height."""
-    return SIDE * torch.arange(1, count + 1) / (count + 1)
 
 
 @frozen(eq=False, slots=False)
@@ -34,8 +28,8 @@ class Rooms(TaskBatch):
 
     `doors` (R, W) float32 are the centres of the doors, in [0.5, 9.5], lowest wall first; `walls`
     (W,) float32 are the walls' heights, increasing; `uniform_start` starts episodes anywhere in the
-    square instead of at (0, 0); along the frontier of the square agents slide, or it `stops` them
-    as walls do. Raises ValueError on any other value or shape.
+    square instead of at (0, 0); agents slide along the square's outer wall, unless it `stops` them
+    as inner walls do. Raises ValueError on any other value or shape.
     """
 
     doors: Tensor = field(validator=kind(Tensor))
@@ -59,9 +53,8 @@ class Rooms(TaskBatch):
             allowed = f"a vector of increasing heights inside (0, {SIDE:g})"
             raise ValueError(f"walls must be {allowed}, got {walls.tolist()}")
         if doors.ndim != 2 or doors.shape[1] != len(walls) or doors.dtype != torch.float32:
-            allowed, got = f"(R, {len(walls)}), one per wall", tuple(doors.shape)
-            told = f"doors must be float32 of shape {allowed}"
-            raise ValueError(f"{told}, got {doors.dtype} of {got}")
+            allowed = f"float32 of shape (R, {len(walls)}), one per wall"
+            raise ValueError(f"doors must be {allowed}, got {doors.dtype} of {tuple(doors.shape)}")
         low, high = DOOR_RANGE
         # Written so that NaN is refused too.
         wrong = ~((doors >= low) & (doors <= high))
@@ -77,18 +70,15 @@ class Rooms(TaskBatch):
         centres = centres[None] if centres.ndim == 1 else centres
         if centres.ndim != 2 or centres.shape[1] == 0:
             raise ValueError(f"doors must have shape (R, W) or (W,), got {tuple(centres.shape)}")
-        return cls(centres, even_walls(centres.shape[1]), uniform_start, stops)
+        rooms = centres.shape[1] + 1
+        return cls(centres, SIDE * torch.arange(1, rooms) / rooms, uniform_start, stops)
 
     def start(self, u: Tensor) -> Tensor:
         """First states (R, 2) from uniform numbers `u` (R, 2) in [0, 1)."""
         return SIDE * u if self.uniform_start else torch.zeros_like(u)
 
     def step(self, state: Tensor, action: Tensor, noise: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        """Move every agent once: next state (R, 2), reward (R,) float32, terminated (R,) bool.
-
-        `action` (R,) is int64 in 0..3, `noise` (R, 2) standard normal. Raises ValueError when a
-        shape is another one.
-        """
+        """Move every agent once; `action` is 0 for up, 1 for right, 2 for down and 3 for left."""
         self._check_step(state, action, noise)
         # Scaling and adding stay separate operations, each rounded on its own: whether a kernel
         # fuses them may depend on the row's place in the batch.
