@@ -12,8 +12,7 @@ from vtbook import widgets
 from vtbook.claims import Runs
 from vtbook.experiments.grids import count_name, slider_name
 from vtbook.plots import Series, image_html, look, power_of_ten, returns_figure
-from vtbook.stored import returns
-from vtbook.tables import told
+from vtbook.tables import words
 from vtlab.experiment import Experiment
 from vtlib.stats import Interval
 from vtlib.transfer import Settings
@@ -26,15 +25,13 @@ def setting_sliders(
     grid: Experiment,
     thesis: Mapping[str, Settings],
     references: Callable[..., Mapping[str, Dataset]],
-    floor: float = 0.0,
     counts: Sequence[int] = (),
 ) -> VBox:
     """Sliders over the stored settings of a grid, each a picture with a sentence below it.
 
     thesis: the settings of "GVT" and "1-MGVT" in the thesis. references(): stored returns that are
-    drawn beside those of a setting, runs in the grid's order. floor: the return that counts as
-    nothing. counts: numbers of sources, a fourth slider, if the grid has them; references(count)
-    then tells by them.
+    drawn beside those of a setting, runs in the grid's order. counts: numbers of sources, a fourth
+    slider, if the grid has them; the references then depend on the count.
     """
     settings = [x for x in grid.algorithms.values() if isinstance(x, Settings)]
     labels = list(dict.fromkeys(x.split("-lambda-")[0] for x in grid.algorithms))
@@ -44,21 +41,21 @@ def setting_sliders(
         numbers = [(f"{n}", n) for n in counts]
         axes.append(widgets.Axis("sources", "number of sources", numbers, len(counts) - 1))
 
-    beside, drawn = functools.cache(references), dict[tuple[object, ...], Series]()
+    beside, series = functools.cache(references), dict[tuple[object, ...], Series]()
 
     @functools.cache
     def stored(setting: Setting, count: tuple[int, ...]) -> Runs:
         name = slider_name(*setting)
-        return Runs(returns(grid, count_name(name, *count) if count else name), floor)
+        return Runs.of(grid, count_name(name, *count) if count else name)
 
     def picture(lambda_: float, psi: float, posterior: str, *count: int) -> str:
         own = thesis["GVT" if posterior == "GVT" else "1-MGVT"]
         setting, usual = (lambda_, psi, posterior), (own.lambda_, own.psi, posterior)
         mine, theirs = stored(setting, count), stored(usual, count)
-        words = setting_words(setting, usual, mine, theirs)
-        if (which := (posterior, *count)) not in drawn:
-            drawn[which] = setting_series(beside(*count), mine, posterior, grid.family.limits)
-        return f"{setting_picture(drawn[which], mine, setting)}<p>{words}</p>"
+        text = setting_words(setting, usual, mine, theirs)
+        if (panel := (posterior, *count)) not in series:
+            series[panel] = setting_series(beside(*count), mine, posterior, grid.family.limits)
+        return f"{setting_picture(series[panel], mine, setting)}<p>{text}</p>"
 
     return widgets.still_sliders(axes, picture)
 
@@ -71,12 +68,12 @@ def setting_words(setting: Setting, usual: Setting, mine: Runs, theirs: Runs) ->
     """What a setting earns, its distance from the thesis' setting, and what that means."""
     end = int(mine.stored.iteration[-1])
     of = "of the way to the optimum" if mine.floor else "of the optimum"
-    earns = f"After {end:,} iterations: {told(mine.share(end), 'z.0%')} {of}."
+    earns = f"After {end:,} iterations: {words(mine.share(end), 'z.0%')} {of}."
     if setting == usual:
         return f"{earns} This is the thesis' setting."
     gap = mine.gain_until(theirs, end)
     return (
-        f"{earns} Averaged over the run, {told(gap, '+z.0%')} against the thesis' setting: "
+        f"{earns} Averaged over the run, {words(gap, '+z.0%')} against the thesis' setting: "
         f"{meaning(setting, usual, gap)}."
     )
 

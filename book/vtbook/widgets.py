@@ -12,20 +12,14 @@ import numpy as np
 from attrs import evolve, frozen
 from xarray import Dataset
 
-from vtbook import plots, processors
-from vtbook.experiments.grids import (
-    POSTERIORS,
-    PSIS,
-    slider_settings,
-    slider_thesis,
-)
+from vtbook import plots
+from vtbook.experiments.grids import POSTERIORS, PSIS, slider_settings, slider_thesis
 from vtbook.plots import Curve, image_html, learning_figure, look, power_of_ten, small_png
+from vtbook.rerun import NEW, first_runs
 from vtlab.experiment import Experiment
-from vtlab.run import run_batch
 from vtlib.transfer import Settings
 
 LAMBDAS = (0.0, *(float(f"1e{power}") for power in range(-8, 0)))  # of the live panel
-NEW = "#000000"  # of the new curve, solid beside the dashed optimum
 
 
 @functools.cache
@@ -168,10 +162,9 @@ class LivePanel:
                 self._experiment,
                 algorithms={"live": slider_settings(self._thesis, *setting)},
                 counts={"live": self._sources.value},
-                iterations=self._iterations.value,
             )
-            runs, given = range(self._runs.value), (self._weights, self._progress)
-            arrays = run_batch(live, "live", runs, *given, threads=processors())
+            size = self._runs.value, self._iterations.value
+            arrays = first_runs(live, "live", *size, self._weights, self._progress)
             label, at = f"{setting[-1]}, just now", arrays["iterations"]
             self._draw([Curve(label, at, arrays[kind], NEW) for kind in plots.KINDS.values()])
             self._says.value = f"{'stopped' if self._halt.is_set() else 'done'} at {at[-1]:,}"
@@ -189,13 +182,13 @@ class LivePanel:
         stored = self._stored.items()
         end = new[0].iterations[-1] if new else self._experiment.iterations
         panels = {
-            title: [*(one.until(end) for one in old), *new[i : i + 1]]
-            for i, (title, old) in enumerate(stored)
+            title: [*(curve.until(end) for curve in curves), *new[i : i + 1]]
+            for i, (title, curves) in enumerate(stored)
         }
         with look():
             limits = self._experiment.family.limits
             picture = small_png(learning_figure(panels, self._optimum, limits))
-        labels = ", ".join(one.label for one in next(iter(panels.values())))
+        labels = ", ".join(curve.label for curve in next(iter(panels.values())))
         self._picture.value = image_html(picture, f"Learning and greedy return of {labels}.")
 
 

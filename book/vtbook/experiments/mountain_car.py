@@ -20,6 +20,13 @@ from vtlib.transfer import Settings
 
 ITERATIONS, SOURCE_ITERATIONS = 40_000, 50_000
 FLOOR = -(1 - 0.99**200) / (1 - 0.99)  # the return of an episode that never arrives
+
+
+def floor_of(experiment: Experiment) -> float:
+    """The return that counts as nothing: on mountain car that of never arriving, elsewhere 0."""
+    return FLOOR if isinstance(experiment.family, MountainCarFamily) else 0.0
+
+
 CARS = Pool(
     "mountain-car-sources",
     MountainCarFamily(last_reward=-1.0),
