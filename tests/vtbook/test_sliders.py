@@ -8,7 +8,7 @@ import pytest
 from attrs import evolve
 from xarray import Dataset
 
-from vtbook import sliders, widgets
+from vtbook import claims, sliders, widgets
 from vtbook.claims import Runs
 from vtbook.experiments.grids import POSTERIORS, PSIS, count_name, slider_thesis, sliders_of
 from vtbook.experiments.rooms import ROOMS_EVALUATION
@@ -37,7 +37,7 @@ def named(_, name):
 def pictures(monkeypatch):
     """What is asked for pictures, which show nothing; sliders stay in parts."""
     asked = SimpleNamespace(series=Mock(), picture=Mock(return_value="<img>"))
-    monkeypatch.setattr(sliders, "returns", named)
+    monkeypatch.setattr(claims, "returns", named)
     monkeypatch.setattr(sliders, "setting_series", asked.series)
     monkeypatch.setattr(sliders, "setting_picture", asked.picture)
     monkeypatch.setattr(widgets, "still_sliders", lambda axes, picture: (axes, picture))

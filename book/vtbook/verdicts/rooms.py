@@ -181,17 +181,13 @@ def rooms_likelihood() -> list[Claim]:
                 high=0.0,
             )
         )
-    for text, label, bounds in (
-        (
-            f"At {end:,} 1-MGVT is optimal for all tasks, however likely.",
-            "1-MGVT",
-            {"low": OPTIMAL},
-        ),
-        (f"At {end:,} GVT is not.", "GVT", {"high": OPTIMAL, "ours": True}),
+    for text, label, low, high in (
+        (f"At {end:,} 1-MGVT is optimal for all tasks, however likely.", "1-MGVT", OPTIMAL, np.inf),
+        (f"At {end:,} GVT is not.", "GVT", -np.inf, OPTIMAL),
     ):
         worst = {name: min(x[label, end], key=_low) for name, x in bins.items()}
-        number = "learning return in the worst fifth, of the optimum there"
-        claims.append(Claim(text, number, worst, worst.pop("printed"), **bounds))
+        number, ours = "learning return in the worst fifth, of the optimum there", label == "GVT"
+        claims.append(Claim(text, number, worst, worst.pop("printed"), low, high, ours=ours))
     return claims
 
 
