@@ -11,6 +11,7 @@ from xarray import Dataset
 from vtbook import widgets
 from vtbook.claims import Runs
 from vtbook.experiments.grids import count_name, slider_name
+from vtbook.experiments.protocols import transfer_settings
 from vtbook.plots import Series, image_html, look, power_of_ten, returns_figure
 from vtbook.tables import words
 from vtlab.experiment import Experiment
@@ -33,10 +34,8 @@ def setting_sliders(
     drawn beside those of a setting, runs in the grid's order. counts: numbers of sources, a fourth
     slider, if the grid has them; the references then depend on the count.
     """
-    settings = [x for x in grid.algorithms.values() if isinstance(x, Settings)]
-    labels = list(dict.fromkeys(x.split("-lambda-")[0] for x in grid.algorithms))
-    lambdas, psis = sorted({x.lambda_ for x in settings}), sorted({x.psi for x in settings})
-    axes = widgets.parameter_axes(thesis, lambdas, psis, sorted(labels, key=_components))
+    lambdas = sorted({transfer_settings(grid, label).lambda_ for label in grid.algorithms})
+    axes = widgets.parameter_axes(thesis, lambdas)
     if counts:
         numbers = [(f"{n}", n) for n in counts]
         axes.append(widgets.Axis("sources", "number of sources", numbers, len(counts) - 1))
@@ -58,10 +57,6 @@ def setting_sliders(
         return f"{setting_picture(series[panel], mine, setting)}<p>{text}</p>"
 
     return widgets.still_sliders(axes, picture)
-
-
-def _components(label: str) -> int:
-    return 0 if label == "GVT" else int(label.removesuffix("-MGVT"))
 
 
 def setting_words(setting: Setting, usual: Setting, mine: Runs, theirs: Runs) -> str:

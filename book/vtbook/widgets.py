@@ -38,26 +38,20 @@ class Axis:
     start: int
 
 
-def parameter_axes(
-    thesis: Mapping[str, Settings],
-    lambdas: Sequence[float],
-    psis: Sequence[float] = PSIS,
-    posteriors: Sequence[str] = POSTERIORS,
-) -> list[Axis]:
+def parameter_axes(thesis: Mapping[str, Settings], lambdas: Sequence[float]) -> list[Axis]:
     """Sliders over lambda, psi and the posterior, which start at the thesis' 1-MGVT.
 
-    ValueError when its setting is not on the grid.
+    Raises ValueError when the lambda or the psi of 1-MGVT is not on the grid.
     """
     base = thesis["1-MGVT"]
-    for name, grid in (("lambda_", lambdas), ("psi", psis)):
-        if getattr(base, name) not in grid:
-            raise ValueError(f"{name} must be one of {tuple(grid)}, got {getattr(base, name)}")
-    powers, shares = [(power_of_ten(x), x) for x in lambdas], [(f"{x:g}", x) for x in psis]
-    kinds, spoken = [(x, x) for x in posteriors], "posterior, a Gaussian or C components"
+    if base.lambda_ not in lambdas or base.psi not in PSIS:
+        raise ValueError(f"sliders lack lambda {base.lambda_} or psi {base.psi} of 1-MGVT")
+    powers, shares = [(power_of_ten(x), x) for x in lambdas], [(f"{x:g}", x) for x in PSIS]
+    kinds, spoken = [(x, x) for x in POSTERIORS], "posterior, a Gaussian or C components"
     return [
         Axis(r"\(\lambda\)", "lambda, weight of the KL term", powers, lambdas.index(base.lambda_)),
-        Axis(r"\(\psi\)", "psi, share of the full gradient", shares, psis.index(base.psi)),
-        Axis("posterior", spoken, kinds, posteriors.index("1-MGVT")),
+        Axis(r"\(\psi\)", "psi, share of the full gradient", shares, PSIS.index(base.psi)),
+        Axis("posterior", spoken, kinds, POSTERIORS.index("1-MGVT")),
     ]
 
 

@@ -214,4 +214,4 @@ ENVIRONMENTS = (
         first=200,
     ),
 )
-EXPERIMENTS = tuple(of for one in ENVIRONMENTS for of in (one.tuning(), one.judged()))
+EXPERIMENTS = tuple((place.tuning(), place.judged()) for place in ENVIRONMENTS)

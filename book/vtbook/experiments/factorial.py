@@ -67,7 +67,6 @@ FACTORIAL = evolve(
     },
     runs=RUNS,
 )
-EXPERIMENTS = (FACTORIAL,)
 
 
 def effects(part: str) -> np.ndarray:

@@ -116,14 +116,3 @@ CAR_LAST_REWARD = evolve(
     each=True,
 )
 CAR_SLIDERS = sliders_of(CAR.published, "mountain-car-sliders", 10, 2_000)
-
-EXPERIMENTS = (
-    *CAR,
-    CAR_NOTHING,
-    CAR_STEPS,
-    CAR_UNCHECKED,
-    CAR_SOLVED,
-    CAR_INGREDIENTS,
-    CAR_LAST_REWARD,
-    CAR_SLIDERS,
-)

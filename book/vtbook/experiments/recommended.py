@@ -62,4 +62,3 @@ LOST = _beside(
     },
 )
 MOUNTAIN_CAR = _beside(CAR.published, iterations=CAR_ITERATIONS)
-EXPERIMENTS = (*TUNED, LOST, MOUNTAIN_CAR)
