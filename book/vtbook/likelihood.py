@@ -1,7 +1,5 @@
 """Returns by the likelihood of the task (section 6.1.4), in the published figure's five bins."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What the page of an experiment begins with: its stored runs, and numbers for its text."""
 
-from __future__ import annotations
-
 import functools
 from collections.abc import Mapping
 

@@ -1,7 +1,5 @@
 """What the moving formulas share: their colours, and how a drawing becomes part of a page."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable
 from functools import wraps
 from typing import Any, Concatenate, ParamSpec

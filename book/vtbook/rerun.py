@@ -1,7 +1,5 @@
 """The first runs of an algorithm made again: as they are stored, or with other settings."""
 
-from __future__ import annotations
-
 import signal
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -125,8 +123,8 @@ def try_settings(
     sources = weights(experiment.pool)
     new = first_runs(experiment, label, runs, iterations, sources, settings=settings)
     yours = new["learning"].mean(1)
-    kept = returns(experiment, label).isel(run=slice(runs)).sel(iteration=slice(iterations))
-    old = kept.learning.mean("iteration").values
+    stored = returns(experiment, label).isel(run=slice(runs)).sel(iteration=slice(iterations))
+    old = stored.learning.mean("iteration").values
     return "\n".join(
         [
             f"{label}, {runs} runs, mean learning return over {iterations:,} iterations",

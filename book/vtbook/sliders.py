@@ -1,7 +1,5 @@
 """Sliders over stored settings: a picture of each, and in words what it comes to."""
 
-from __future__ import annotations
-
 import functools
 from collections.abc import Callable, Mapping, Sequence
 
@@ -95,7 +93,7 @@ def setting_series(
     references: Mapping[str, Dataset], mine: Runs, posterior: str, limits: tuple[float, float]
 ) -> Series:
     """Learning returns with one posterior, in any of its settings, over those of references."""
-    runs = {label: first_runs(other, mine.stored) for label, other in references.items()}
+    runs = {label: first_runs(x, mine.stored) for label, x in references.items()}
     runs[posterior] = mine.stored
     with look():
         return Series(returns_figure(runs, limits, LEARNING, "λ", NARROW), len(runs))

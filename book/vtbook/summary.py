@@ -1,7 +1,5 @@
 """Numbers of all experiments that the first page, the conclusions and the scorecard quote."""
 
-from __future__ import annotations
-
 import functools
 from collections.abc import Mapping
 
@@ -22,7 +20,7 @@ def page_claims() -> Mapping[str, list[Claim]]:
 
 def counts() -> dict[str, int]:
     """How many claims have each verdict, and how many there are, such as "published-all"."""
-    claims = [claim for each in page_claims().values() for claim in each]
+    claims = [claim for claims in page_claims().values() for claim in claims]
     numbers = {}
     for protocol in PROTOCOLS:
         verdicts = tally(claims, protocol)

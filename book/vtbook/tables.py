@@ -1,7 +1,5 @@
 """Tables as HTML: claims with their verdicts, how a figure was computed, and robust numbers."""
 
-from __future__ import annotations
-
 import html
 import re
 from collections.abc import Iterable, Mapping, Sequence
@@ -20,21 +18,19 @@ Row = Sequence[str]
 
 def escape(text: str) -> str:
     """Text for HTML, with printers' apostrophes, and names such as 1-MGVT kept in one line."""
-    said = html.escape(text).replace("&#x27;", "’")
-    return re.sub(r"\b\d-MGVT\b", r"<span class='whole'>\g<0></span>", said)
+    text = html.escape(text).replace("&#x27;", "’")
+    return re.sub(r"\b\d-MGVT\b", r"<span class='whole'>\g<0></span>", text)
 
 
 def html_table(head: Row, rows: Iterable[Row], caption: str = "") -> str:
     """A plain HTML table of text, which is escaped; the first cell of each row names it."""
     above = f"<caption>{escape(caption)}</caption>" if caption else ""
-    heads = "".join(f"<th scope='col'>{escape(one)}</th>" for one in head)
-    body = "".join(_row(*row) for row in rows)
+    heads = "".join(f"<th scope='col'>{escape(x)}</th>" for x in head)
+    body = ""
+    for name, *cells in rows:
+        values = "".join(f"<td>{escape(cell)}</td>" for cell in cells)
+        body += f"<tr><th scope='row'>{escape(name)}</th>{values}</tr>"
     return f"<table>{above}<thead><tr>{heads}</tr></thead><tbody>{body}</tbody></table>"
-
-
-def _row(name: str, *cells: str) -> str:
-    others = "".join(f"<td>{escape(cell)}</td>" for cell in cells)
-    return f"<tr><th scope='row'>{escape(name)}</th>{others}</tr>"
 
 
 PROTOCOLS = {"published": "As published", "equations": "By the equations"}
@@ -116,8 +112,8 @@ def _on_phones(head: str) -> str:
 
 def tally(claims: Iterable[Claim], protocol: str) -> dict[str, int]:
     """How many claims of the thesis' own have each verdict in a protocol."""
-    found = [x.verdict(protocol) for x in claims if protocol in x.numbers and not x.ours]
-    return {verdict: found.count(verdict) for verdict in VERDICTS}
+    verdicts = [x.verdict(protocol) for x in claims if protocol in x.numbers and not x.ours]
+    return {verdict: verdicts.count(verdict) for verdict in VERDICTS}
 
 
 def cost_of_sources_table(costs: Mapping[str, Cost]) -> str:
@@ -127,14 +123,14 @@ def cost_of_sources_table(costs: Mapping[str, Cost]) -> str:
     rows = [
         [
             label,
-            f"{one.sources:,.0f}",
-            f"{one.with_transfer.mean():,.0f}",
-            f"{one.without.mean():,.0f}",
-            words(one.saved, "z,.0f"),
-            f"{one.unsolved} of {len(one.with_transfer)}; {one.unsolved_without} without transfer",
-            _paid(one),
+            f"{cost.sources:,.0f}",
+            f"{cost.with_transfer.mean():,.0f}",
+            f"{cost.without.mean():,.0f}",
+            words(cost.saved, "z,.0f"),
+            f"{cost.unsolved} of {len(cost.without)}; {cost.unsolved_without} without transfer",
+            _paid(cost),
         ]
-        for label, one in costs.items()
+        for label, cost in costs.items()
     ]
     return html_table(head, rows, UNCOUNTED)
 
@@ -152,15 +148,12 @@ def settings_table(experiment: Experiment) -> str:
     groups: dict[Any, list[str]] = {}
     for label, algorithm in experiment.algorithms.items():
         groups.setdefault(algorithm, []).append(label)
-    settings = [_flat(attrs.asdict(algorithm)) for algorithm in groups]
-    names = dict.fromkeys(name for one in settings for name in one)
-    rows = [[name, *(_text(one.get(name)) for one in settings)] for name in names]
+    settings = [attrs.asdict(algorithm) for algorithm in groups]
+    # with those of the learner inside them as their own
+    settings = [{**parameters.pop("learner", {}), **parameters} for parameters in settings]
+    names = dict.fromkeys(name for algorithm in settings for name in algorithm)
+    rows = [[name, *(_text(algorithm.get(name)) for algorithm in settings)] for name in names]
     return html_table(["parameter", *map(_span, groups.values())], rows)
-
-
-def _flat(settings: dict[str, Any]) -> dict[str, Any]:
-    """Settings with those of the learner inside them as their own."""
-    return {**settings.pop("learner", {}), **settings}
 
 
 def _span(labels: Sequence[str]) -> str:

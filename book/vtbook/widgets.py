@@ -1,7 +1,5 @@
 """Sliders for lambda, psi and the posterior: over pictures drawn beforehand, and live."""
 
-from __future__ import annotations
-
 import functools
 import threading
 from collections.abc import Callable, Mapping, Sequence

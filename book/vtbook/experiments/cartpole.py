@@ -1,7 +1,5 @@
 """The cartpole experiments (section 6.2.1) with the parameters of appendix A.2.1."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from attrs import evolve

@@ -1,7 +1,5 @@
 """Grids of settings around the thesis', over which a page has sliders."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Mapping, Sequence

@@ -1,7 +1,5 @@
 """The maze experiments (section 6.3) with the parameters of appendix A.2.3, in both protocols."""
 
-from __future__ import annotations
-
 from attrs import evolve
 
 from vtbook.experiments.grids import sliders_of

@@ -1,7 +1,5 @@
 """The mountain car experiments (section 6.2.2) with the parameters of appendix A.2.2."""
 
-from __future__ import annotations
-
 from attrs import evolve
 
 from vtbook.experiments.grids import sliders_of

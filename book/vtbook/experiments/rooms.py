@@ -1,7 +1,5 @@
 """The rooms experiments (section 6.1) with the parameters of appendix A.1, in both protocols."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

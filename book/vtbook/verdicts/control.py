@@ -1,7 +1,5 @@
 """The claims of section 6.2, of the classic tasks."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from vtbook.claims import EARLY, MIXTURES, OPTIMAL, TRANSFER, Claim, Figure

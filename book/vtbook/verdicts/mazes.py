@@ -4,8 +4,6 @@ Whoever set the bounds knew the published curves. Those of the main maze were co
 with its runs as published, and before its runs by the equations and those of the other mazes.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from attrs import evolve

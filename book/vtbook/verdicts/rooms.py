@@ -1,7 +1,5 @@
 """The claims of section 6.1, in the rooms."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from vtbook import likelihood, visits
