@@ -14,5 +14,6 @@ torch.set_num_threads(1)
 
 def processors() -> int:
     """The number of processors that this process may use."""
-    known = hasattr(os, "sched_getaffinity")  # not everywhere
-    return len(os.sched_getaffinity(0)) if known else os.cpu_count() or 1
+    if hasattr(os, "sched_getaffinity"):  # some systems have none
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1

@@ -1,7 +1,5 @@
 """Panels that run in the reader's browser: a template, a style and a script, filled in."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from pathlib import Path

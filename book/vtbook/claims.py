@@ -6,7 +6,9 @@ answer the same questions.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import itertools
+from collections.abc import Callable, Iterable, Mapping
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -15,9 +17,10 @@ from scipy.stats import binomtest
 from xarray import Dataset
 
 from vtbook.comparisons import ratio_interval, spread_interval
+from vtbook.experiments.mountain_car import floor_of
 from vtbook.published import PublishedCurve, curves
-from vtbook.stored import returns
 from vtlab.experiment import Experiment
+from vtlab.store import returns
 from vtlib.rng import generator
 from vtlib.stats import Interval, mean_interval
 
@@ -27,6 +30,7 @@ VERDICTS = REPRODUCED, STRONGER, UNDECIDED, NOT
 OPTIMAL = 0.9  # a return that misses the optimum by at most a tenth is called optimal
 EARLY = 500  # iterations within which a start shows
 EVALUATIONS = 10  # of the greedy policy, before it is said to be optimal
+NO_OTHERS: Mapping[str, Experiment] = MappingProxyType({})
 MIXTURES, TRANSFER = ("1-MGVT", "3-MGVT"), ("GVT", "1-MGVT", "3-MGVT")
 
 
@@ -34,26 +38,26 @@ MIXTURES, TRANSFER = ("1-MGVT", "3-MGVT"), ("GVT", "1-MGVT", "3-MGVT")
 class Claim:
     """A claim of the thesis in this book's words, and the number that decides about it.
 
-    It holds where the number lies between low and high. Beyond the bound that ``stronger`` names,
-    "low" or "high", the claim is an understatement. found: the number by protocol. printed: that of
-    the published curves, where there is one. ours: the claim is this book's and not the thesis'.
-    met: by protocol, the share of the recorded iterations at which our intervals meet the published
-    ones, the least of the curves that the number is of.
+    The claim holds where the number lies between low and high. Beyond the bound that ``stronger``
+    names, "low" or "high", the claim is an understatement. measure: what the number is, in words.
+    numbers: the number by protocol. printed: the number of the published curves, where there is
+    one. ours: the claim is this book's and not the thesis'. overlap: by protocol, the share of the
+    recorded iterations at which our intervals meet the published ones, the least of several curves.
     """
 
     text: str
-    number: str
-    found: Mapping[str, Interval]
+    measure: str
+    numbers: Mapping[str, Interval]
     printed: Interval | None
     low: float = -np.inf
     high: float = np.inf
     stronger: str = ""
     ours: bool = False
-    met: Mapping[str, float] = field(factory=dict)
+    overlap: Mapping[str, float] = field(factory=dict)
 
     def verdict(self, protocol: str) -> str:
         """Whether the claim holds in a protocol."""
-        return self.judge(self.found[protocol])
+        return self.judge(self.numbers[protocol])
 
     def judge(self, number: Interval) -> str:
         """The verdict on a number: undecided when its interval holds both answers."""
@@ -79,6 +83,11 @@ class Runs:
 
     stored: Dataset
     floor: float = 0.0
+
+    @classmethod
+    def of(cls, experiment: Experiment, label: str) -> Runs:
+        """The stored runs of an algorithm."""
+        return cls(returns(experiment, label), floor_of(experiment))
 
     @property
     def scale(self) -> float:
@@ -113,6 +122,11 @@ class Runs:
         """How much more this algorithm earns than another until an iteration, paired by run."""
         return mean_interval((self.until(t) - other.until(t)) / self.scale)
 
+    def growth(self, other: Runs, start: int, end: int) -> Interval:
+        """How much its lead over another algorithm grows from one iteration to a later one."""
+        gap, before = (self.at(t) - other.at(t) for t in (end, start))
+        return mean_interval((gap - before) / self.scale)
+
     def spread(self, other: Runs, t: int) -> Interval:
         """Standard deviation over runs at an iteration, by that of another algorithm."""
         return spread_interval(self.at(t), other.at(t), generator("claims", t, "spread"))
@@ -138,34 +152,22 @@ class Runs:
         return int((end - self.floor < OPTIMAL * own).sum())
 
 
-def variants(
-    ingredients: Experiment, others: Mapping[str, Experiment]
-) -> dict[str, dict[str, Runs]]:
-    """An algorithm's stored runs as published, and with each change to it: {"GVT": {change: runs}}.
+def runs_of(
+    experiment: Experiment, algorithm: str = "", others: Mapping[str, Experiment] = NO_OTHERS
+) -> dict[str, Runs]:
+    """The stored runs of an experiment by label, or an algorithm's by what was changed.
 
-    ingredients: an experiment whose labels name a change after a comma. others: further changes,
-    each with an experiment that has runs of the same algorithms.
+    A label names a change after a comma, such as "GVT, no clip"; without one the algorithm is
+    "as published". others: further changes, each with an experiment that ran the same algorithm.
     """
-    found: dict[str, dict[str, Runs]] = {}
-    for label in ingredients.algorithms:
-        algorithm, _, change = label.partition(", ")
-        own = found.setdefault(algorithm, {})
-        own[change or "as published"] = Runs(returns(ingredients, label))
-    for change, experiment in others.items():
-        for algorithm, own in found.items():
-            own[change] = Runs(returns(experiment, algorithm))
-    return found
-
-
-def runs_of(experiment: Experiment, floor: float = 0.0) -> dict[str, Runs]:
-    """The stored runs of an experiment by label."""
-    return {label: Runs(returns(experiment, label), floor) for label in experiment.algorithms}
-
-
-def changes_of(experiment: Experiment, label: str, floor: float = 0.0) -> dict[str, Runs]:
-    """Stored runs of an algorithm by what was changed, from labels such as "GVT, no clip"."""
-    start, runs = f"{label}, ", runs_of(experiment, floor)
-    return {x.removeprefix(start): one for x, one in runs.items() if x.startswith(start)}
+    if not algorithm:
+        return {label: Runs.of(experiment, label) for label in experiment.algorithms}
+    runs = {}
+    for label in experiment.algorithms:
+        start, _, change = label.partition(", ")
+        if start == algorithm:
+            runs[change or "as published"] = Runs.of(experiment, label)
+    return runs | {change: Runs.of(other, algorithm) for change, other in others.items()}
 
 
 @frozen(eq=False)
@@ -187,18 +189,24 @@ class Printed:
 
     def gain_until(self, other: Printed, t: int) -> Interval:
         """How much more this algorithm earns than another until an iteration."""
-        own, others = (x.learning.until(t) for x in (self, other))
-        return Interval(*(x / self.scale for x in difference(own, others)))
+        gap = difference(self.learning.until(t), other.learning.until(t))
+        return Interval(*(x / self.scale for x in gap))
+
+    def growth(self, other: Printed, start: int, end: int) -> Interval:
+        """How much its lead over another algorithm grows from one iteration to a later one."""
+        return difference(self.gain(other, end), self.gain(other, start))
 
     def spread(self, other: Printed, t: int) -> Interval:
-        """Width of the band at an iteration, by that of another algorithm."""
-        own, others = (x.learning.at(t) for x in (self, other))
-        return exactly(float((own.high - own.low) / (others.high - others.low)))
+        """Width of the band at an iteration, divided by another algorithm's; it has no interval."""
+        a, b = self.learning.at(t), other.learning.at(t)
+        return Interval(*[(a.high - a.low) / (b.high - b.low)] * 3)
 
-
-def exactly(value: float) -> Interval:
-    """A number without an interval."""
-    return Interval(value, value, value)
+    def ratio(self, other: Printed, t: int) -> Interval:
+        """Mean return at an iteration by that of another algorithm."""
+        a, b = self.learning.at(t), other.learning.at(t)
+        ratio = a.centre / b.centre
+        half = np.hypot(a.high - a.centre, ratio * (b.high - b.centre)) / b.centre
+        return Interval(ratio, ratio - half, ratio + half)
 
 
 def difference(a: Interval, b: Interval) -> Interval:
@@ -209,8 +217,8 @@ def difference(a: Interval, b: Interval) -> Interval:
 
 def share_interval(yes: np.ndarray) -> Interval:
     """Share of runs (R,) for which something is so, with Wilson's 95 % interval."""
-    found = binomtest(int(yes.sum()), len(yes))
-    return Interval(found.statistic, *found.proportion_ci(method="wilson"))
+    share = binomtest(int(yes.sum()), len(yes))
+    return Interval(share.statistic, *share.proportion_ci(method="wilson"))
 
 
 @frozen(eq=False)
@@ -219,21 +227,20 @@ class Figure:
 
     protocols: Mapping[str, Experiment]
     name: str = ""
-    floor: float = 0.0
     runs: Mapping[str, Mapping[str, Runs]] = field(init=False)
-    printed: Mapping[str, Printed] = field(init=False)
+    printed: Mapping[str, Printed] = field()
 
     @runs.default
     def _load(self) -> Mapping[str, Mapping[str, Runs]]:
-        return {x: runs_of(experiment, self.floor) for x, experiment in self.protocols.items()}
+        return {protocol: runs_of(experiment) for protocol, experiment in self.protocols.items()}
 
     @printed.default
     def _read(self) -> Mapping[str, Printed]:
         if not self.name:
             return {}
         learning, greedy = (curves(self.name, kind) for kind in ("learning", "greedy"))
-        scale = next(iter(self.runs["published"].values())).scale
-        return {x: Printed(learning[x], greedy[x], scale, self.floor) for x in learning}
+        ours = next(iter(self.runs["published"].values()))
+        return {x: Printed(learning[x], greedy[x], ours.scale, ours.floor) for x in learning}
 
     def claim(
         self,
@@ -246,21 +253,54 @@ class Figure:
         **bounds: Any,
     ) -> Claim:
         """A claim whose number is measured of the runs with some labels, of a kind of return."""
-        found = {
+        numbers = {
             protocol: measure(*(runs[x] for x in labels)) for protocol, runs in self.runs.items()
         }
-        seen = measure(*(self.printed[x] for x in labels)) if printed and self.printed else None
-        met = {}
-        if self.printed.keys() >= {*labels}:
+        overlap, drawing = {}, None
+        if printed and self.printed:
+            drawing = measure(*(self.printed[x] for x in labels))
+        if self.name and self.printed.keys() >= {*labels}:
             for protocol in self.protocols:
-                met[protocol] = min(self.overlap(protocol, x, kind) for x in labels)
-        return Claim(text, number, found, seen, met=met, **bounds)
+                overlap[protocol] = min(self.overlap(protocol, x, kind) for x in labels)
+        return Claim(text, number, numbers, drawing, overlap=overlap, **bounds)
 
-    def ahead(self, text: str, label: str, other: str, end: int, **bounds: Any) -> Claim:
-        """A claim about how much more one algorithm earns than another until an iteration."""
-        of = "of the way to the optimum" if self.floor else "of the optimum"
-        number = f"{label} minus {other}, averaged until {end:,}, {of}"
-        return self.claim(text, number, lambda a, b: a.gain_until(b, end), label, other, **bounds)
+    def earns(self, text: str, labels: Iterable[str], t: int, **bounds: Any) -> list[Claim]:
+        """A claim about what each of some algorithms, {} in the text, earns at an iteration."""
+        claims = []
+        for label in labels:
+            name = "" if "{}" in text else f" of {label}"
+            number = f"learning return{name} at {t:,}, {self._unit}"
+            claim = self.claim(text.format(label), number, lambda a: a.share(t), label, **bounds)
+            claims.append(claim)
+        return claims
+
+    def leads(self, text: str, label: str, other: str, t: int, **bounds: Any) -> Claim:
+        """A claim about how much more one algorithm earns than another at an iteration."""
+        number = f"{label} minus {other} at {t}, {self._unit}"
+        return self.claim(text, number, lambda a, b: a.gain(b, t), label, other, **bounds)
+
+    def ahead(
+        self, text: str, labels: Iterable[str], others: Iterable[str], end: int, **bounds: Any
+    ) -> list[Claim]:
+        """A claim about how much more some algorithms earn than each of others until an iteration.
+
+        Both have their places, {}, in the text.
+        """
+        claims = []
+        for label, other in itertools.product(labels, others):
+            number = f"{label} minus {other}, averaged until {end:,}, {self._unit}"
+            own = text.format(label, other)
+            claim = self.claim(
+                own, number, lambda a, b: a.gain_until(b, end), label, other, **bounds
+            )
+            claims.append(claim)
+        return claims
+
+    @property
+    def _unit(self) -> str:
+        """What a share is a share of."""
+        ours = next(iter(self.runs["published"].values()))
+        return "of the way to the optimum" if ours.floor else "of the optimum"
 
     def overlap(self, protocol: str, label: str, kind: str) -> float:
         """Share of the recorded iterations at which our 95 % interval meets the published one."""

@@ -1,7 +1,5 @@
 """Comparisons of algorithms over runs: ratios, slopes and tests."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
@@ -55,7 +53,8 @@ def slope_interval(x: ndarray, y: ndarray) -> Interval:
 def slope_within(groups: Iterable[tuple[ndarray, ndarray]]) -> Interval:
     """The slope of y on x over groups of runs, each about the means of its own."""
     about = [(x - np.mean(x), y - np.mean(y)) for x, y in groups]
-    return slope_interval(*(np.concatenate(each) for each in zip(*about, strict=True)))
+    xs, ys = zip(*about, strict=True)
+    return slope_interval(np.concatenate(xs), np.concatenate(ys))
 
 
 def holm(p: ndarray) -> ndarray:

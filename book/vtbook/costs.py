@@ -1,7 +1,5 @@
 """What sources cost and what they save, in environment steps until a task is solved."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np
@@ -31,8 +29,8 @@ class Cost(NamedTuple):
 
 def steps_to_solve(runs: Dataset, floor: float = 0.0) -> np.ndarray:
     """Steps (R,) until the learning return reaches nine tenths of the optimum, or NaN if never."""
-    wanted = floor + SOLVED * (runs.optimum - floor)
-    reached = (runs.learning >= wanted).transpose("run", "iteration").values
+    goal = floor + SOLVED * (runs.optimum - floor)
+    reached = (runs.learning >= goal).transpose("run", "iteration").values
     at = runs.iteration.values[reached.argmax(1)].astype(float)
     return np.where(reached.any(1), at, np.nan)
 
@@ -50,13 +48,8 @@ def cost(
     """
     pool, end = sources.attrs["config"], float(transfer.iteration[-1])
     spent = sources.iterations.where(sources.solved, pool["limit"] * pool.get("attempts", 1))
-    own, others = (steps_to_solve(x, floor) for x in (transfer, without))
-    known, unknown = (np.where(np.isnan(x), end, x) for x in (own, others))
-    return Cost(
-        used * float(spent.mean()),
-        known,
-        unknown,
-        mean_interval(unknown - known),
-        int(np.isnan(own).sum()),
-        int(np.isnan(others).sum()),
-    )
+    with_transfer, alone = (steps_to_solve(x, floor) for x in (transfer, without))
+    unsolved = [int(np.isnan(steps).sum()) for steps in (with_transfer, alone)]
+    with_transfer, alone = (np.nan_to_num(steps, nan=end) for steps in (with_transfer, alone))
+    saved = mean_interval(alone - with_transfer)
+    return Cost(used * float(spent.mean()), with_transfer, alone, saved, *unsolved)

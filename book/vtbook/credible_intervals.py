@@ -1,7 +1,5 @@
 """Coverage: how often the truth lies inside the posterior's central intervals."""
 
-from __future__ import annotations
-
 import torch
 from torch import Tensor
 

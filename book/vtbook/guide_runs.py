@@ -5,8 +5,6 @@ for each task: it can be interrupted, and goes on where it was. ``python -m vtla
 computes everything again, stores nothing, and says what differs.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -198,10 +196,10 @@ def alike(key: str, stored: np.ndarray, again: np.ndarray, same: bool) -> bool:
     return same_distribution_p(stored.astype(float), again.astype(float), rng) > LEVEL
 
 
-def verdict(found: store.Arrays, way: str) -> str:
+def verdict(returns: store.Arrays, way: str) -> str:
     """Whether transfer loses no more than LOSS beside another way: holds, fails or undecided."""
-    over = difference_interval(found["transfer"], found[way])
-    least = LOSS * float(found["best source"].mean() - found["from nothing"].mean())
+    over = difference_interval(returns["transfer"], returns[way])
+    least = LOSS * float(returns["best source"].mean() - returns["from nothing"].mean())
     if over.low >= least:
         return "holds"
     return "fails" if over.high < least else "undecided"
@@ -229,8 +227,8 @@ def verify(root: Path, rng: np.random.Generator | None = None) -> int:
     """Say of all tasks, or of one that rng draws, what is stored otherwise; how many are."""
     folder, wrong = root / NAME, 0
     for task in TASKS if rng is None else [str(rng.choice(TASKS))]:
-        found = differing(task, folder)
-        said = f"DIFFERS in {', '.join(found)}" if found else "verified"
-        print(f"{NAME}/{task}: {said}", flush=True)
-        wrong += bool(found)
+        arrays = differing(task, folder)
+        verdict = f"DIFFERS in {', '.join(arrays)}" if arrays else "verified"
+        print(f"{NAME}/{task}: {verdict}", flush=True)
+        wrong += bool(arrays)
     return wrong

@@ -1,7 +1,5 @@
 """Returns by the likelihood of the task (section 6.1.4), in the published figure's five bins."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -44,34 +42,26 @@ def shares(stored: Dataset, t: int, chosen: np.ndarray) -> np.ndarray:
 
 def binned() -> dict[str, Bins]:
     """The bins of both protocols and of the published figure, by their names."""
-    protocols = rooms.ROOMS_LIKELIHOOD._asdict()
-    found: dict[str, Bins] = {name: _bins(e, LABELS) for name, e in protocols.items()}
-    table, optimum = rows("rooms-likelihood"), _optimum(rooms.ROOMS_LIKELIHOOD.published)
-    found["printed"] = {
-        (label, t): [
-            Interval(*(row[x] / best for x in ("mean", "low", "high")))
-            for row, best in zip(
-                table[(table["algorithm"] == label) & (table["iteration"] == t)],
-                optimum,
-                strict=True,
-            )
-        ]
-        for label in LABELS
-        for t in AT
-    }
-    return found
+    bins = {name: _bins(e) for name, e in rooms.ROOMS_LIKELIHOOD._asdict().items()}
+    return {**bins, "printed": _printed(rooms.ROOMS_LIKELIHOOD.published)}
 
 
-def _optimum(experiment: Experiment) -> list[float]:
+def _printed(experiment: Experiment) -> Bins:
+    """The published bins as shares of the mean optimum of our tasks in each."""
     best, place = load(experiment, "tasks").optimum.values, bin_of(experiment)
-    return [float(best[place == i].mean()) for i in range(len(EDGES))]
+    bins: dict[tuple[str, int], list[Interval]] = {(x, t): [] for x in LABELS for t in AT}
+    for row in rows("rooms-likelihood"):
+        points = bins[row["algorithm"], row["iteration"]]
+        optimum = best[place == len(points)].mean()
+        points.append(Interval(*(row[x] / optimum for x in ("mean", "low", "high"))))
+    return bins
 
 
-def _bins(experiment: Experiment, labels: Sequence[str]) -> Bins:
+def _bins(experiment: Experiment) -> Bins:
     place = bin_of(experiment)
-    runs = {x: returns(experiment, x) for x in labels}
+    runs = {label: returns(experiment, label) for label in LABELS}
     return {
-        (x, t): [mean_interval(shares(runs[x], t, place == i)) for i in range(5)]
-        for x in labels
+        (label, t): [mean_interval(shares(runs[label], t, place == i)) for i in range(len(EDGES))]
+        for label in LABELS
         for t in AT
     }

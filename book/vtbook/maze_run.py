@@ -1,7 +1,5 @@
 """The first run in a maze, computed anew: what it believes, and where its greedy policy goes."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
@@ -66,7 +64,7 @@ def follow(
     """Beliefs and walks of a run at some iterations each; a belief takes a posterior."""
     batch, rng = prepare(experiment, label, [0], weights), Rng(experiment.stream, [0])
     probes, q = (rng.stream("probes"), rng.stream("probe samples")), experiment.family.q()
-    maze, agent, found = maze_of(experiment), batch.agent, Followed({}, {})
+    maze, agent, followed = maze_of(experiment), batch.agent, Followed({}, {})
 
     def greedy(states: Tensor) -> Tensor:
         obs = maze.select([0] * len(states)).observe(states)
@@ -75,16 +73,16 @@ def follow(
     for t in pauses(batch, sorted({*believed, *walked})):
         if t in believed:
             assert isinstance(agent, VariationalTransfer)
-            found.beliefs[t] = _belief(q, agent, *probes)
+            followed.beliefs[t] = _belief(q, agent, *probes)
         if t in walked:
-            found.walks[t] = six_walks(experiment, greedy)
-    return found
+            followed.walks[t] = six_walks(experiment, greedy)
+    return followed
 
 
 def _belief(q: QFunction, agent: VariationalTransfer, chosen: Stream, noise: Stream) -> Belief:
     x, mu = q.prepare(agent.remembered(chosen.uniform(SEEN)).obs), agent.mu.detach()
-    drawn = noise.normal(SAMPLES * q.d).view(1, 1, SAMPLES, q.d)
-    spread = q.q(posterior_samples(mu, agent.scale_tril, drawn), x).std(1).mean()
+    z = noise.normal(SAMPLES * q.d).view(1, 1, SAMPLES, q.d)
+    spread = q.q(posterior_samples(mu, agent.scale_tril, z), x).std(1).mean()
     return Belief(float(q.q(mu, x).mean(1).amax(1).mean()), float(spread))
 
 

@@ -1,7 +1,5 @@
 """A figure as a telephone shows it: its panels one below the other, in type that can be read."""
 
-from __future__ import annotations
-
 import textwrap
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -65,13 +63,13 @@ def _curves(panels: Panels) -> bool:
 
 def _large(panels: Panels) -> list[Axes]:
     """Panels that take several cells of the grid."""
-    return [ax for ax, its in panels.items() if len(its.rowspan) * len(its.colspan) > 1]
+    return [ax for ax, place in panels.items() if len(place.rowspan) * len(place.colspan) > 1]
 
 
 def _columns(panels: Panels) -> int:
     """How many panels stand side by side: a table of three columns keeps them, if it is long."""
     if large := _large(panels):
-        return len({its.colspan.start for ax, its in panels.items() if ax not in large})
+        return len({place.colspan.start for ax, place in panels.items() if ax not in large})
     columns = 2 ** sum(len(panels) > most for most in MANY[_curves(panels)])
     return 3 if columns == 2 and _grid(panels).ncols == 3 else columns
 
@@ -79,8 +77,8 @@ def _columns(panels: Panels) -> int:
 def _beside(panels: Panels, ax: Axes) -> tuple[list[Axes], list[Axes]]:
     """The panels of a panel's column and of its row."""
     own = panels[ax]
-    column = [one for one, its in panels.items() if its.colspan == own.colspan]
-    return column, [one for one, its in panels.items() if its.rowspan == own.rowspan]
+    column = [ax for ax, place in panels.items() if place.colspan == own.colspan]
+    return column, [ax for ax, place in panels.items() if place.rowspan == own.rowspan]
 
 
 def _share(panels: Panels, change: Change) -> None:
@@ -93,13 +91,13 @@ def _share(panels: Panels, change: Change) -> None:
         ]
         for letter, side, group, near in shared if ax.get_aspect() == "auto" else ():
             axis = getattr(ax, f"{letter}axis")
-            near = [one for one in near if one is not ax and group.joined(one, ax)]
+            near = [panel for panel in near if panel is not ax and group.joined(panel, ax)]
             if near:
                 show = partial(
                     lambda axis, side, on: axis.set_tick_params(**{side: on}), axis, side
                 )
                 change(show, axis.get_tick_params().get(side, True), True)
-                labels = [getattr(one, f"{letter}axis").label for one in (ax, *near)]
+                labels = [getattr(panel, f"{letter}axis").label for panel in (ax, *near)]
                 words = _repeat(labels, change)
                 change(labels[0].set_text, words, textwrap.fill(words, BESIDE))
         above = [x for x in column if panels[x].rowspan.start < panels[ax].rowspan.start]
@@ -112,16 +110,16 @@ def _title(ax: Axes) -> Text:
 
 def _repeat(texts: list[Text], change: Change) -> str:
     """Let the first of some texts say what any of them does, in the same colour."""
-    own, told = texts[0], next(filter(Text.get_text, texts), texts[0])
-    change(own.set_text, own.get_text(), told.get_text())
-    change(own.set_color, own.get_color(), told.get_color())
-    return told.get_text()
+    own, source = texts[0], next(filter(Text.get_text, texts), texts[0])
+    change(own.set_text, own.get_text(), source.get_text())
+    change(own.set_color, own.get_color(), source.get_color())
+    return source.get_text()
 
 
 def _entitle(ax: Axes, letters: int, change: Change) -> None:
     """Break a panel's title into lines, the last of which stood at its right, and its label."""
     title, beside = ax.get_title("left"), ax.get_title("right")
-    lines = [textwrap.fill(one, letters) for one in (title, beside) if one]
+    lines = [textwrap.fill(text, letters) for text in (title, beside) if text]
     change(ax.set_title, title, "\n".join(lines))
     change(partial(ax.set_title, loc="right"), beside, "")
     label, room = ax.get_xlabel(), BESIDE // (1 + (_names(ax) > ROWS))
@@ -130,16 +128,16 @@ def _entitle(ax: Axes, letters: int, change: Change) -> None:
 
 def _names(ax: Axes) -> int:
     """The lines of the names beside a panel, with one to keep longer names apart."""
-    lines = (1 + one.get_text().count("\n") for one in ax.get_yticklabels())
+    lines = (1 + name.get_text().count("\n") for name in ax.get_yticklabels())
     return sum(n + (n > 1) for n in lines)
 
 
 def _write(figure: Figure, change: Change) -> int:
     """Legends of two columns where there is room, larger type; the number of legends' lines."""
     old, lines = list(figure.legends), 0
-    for one in old:
-        words = [text.get_text() for text in one.get_texts()]
-        lines_and_dots = filter(None, one.legend_handles)
+    for legend in old:
+        words = [text.get_text() for text in legend.get_texts()]
+        lines_and_dots = filter(None, legend.legend_handles)
         columns = 2 if max(map(len, words), default=0) < 20 else 1
         figure.legend(lines_and_dots, words, loc="outside lower center", ncols=columns)
         lines += -(-len(words) // columns)

@@ -1,7 +1,5 @@
 """Walks: the states that episodes of a policy go through, for pictures of where it leads."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np
@@ -21,8 +19,8 @@ def walks(
     """
     state, states = start, [start]
     over, length = torch.zeros(len(start), dtype=torch.bool), torch.ones(len(start)).long()
-    for each in noise:
-        state, _, terminated = tasks.step(state, policy(state), each)
+    for draw in noise:
+        state, _, terminated = tasks.step(state, policy(state), draw)
         states.append(state)
         length += ~over
         over |= terminated

@@ -1,7 +1,5 @@
 """Plate diagrams: which quantity depends on which, what is observed, what is repeated."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 

@@ -111,19 +111,15 @@ class BookFigure(Figure):
 
     def _png(self) -> bytes:
         raw = io.BytesIO()
-        _drawn(self).save(raw, format="png", dpi=2 * (STYLE["savefig.dpi"],))
+        _picture(self).save(raw, format="png", dpi=2 * (STYLE["savefig.dpi"],))
         return raw.getvalue()
 
 
-def _drawn(figure: Figure) -> Image.Image:
+def _picture(figure: Figure) -> Image.Image:
     """The figure's picture, drawn once, where ``savefig`` would lay it out and draw it twice."""
     figure.set_dpi(STYLE["savefig.dpi"])
     canvas = FigureCanvasAgg(figure)
     canvas.draw()
-    return _pixels(figure, canvas)
-
-
-def _pixels(figure: Figure, canvas: FigureCanvasAgg) -> Image.Image:
     if os.environ.get(CHECKED):
         check_inside(figure)
     return Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB")
@@ -132,13 +128,15 @@ def _pixels(figure: Figure, canvas: FigureCanvasAgg) -> Image.Image:
 def check_inside(figure: Figure) -> None:
     """Raise ValueError where a drawn figure's edge cuts off a text or a legend."""
     width, height = figure.bbox.width + 1, figure.bbox.height + 1
-    axes = [(*ax.get_children(), ax.xaxis.label, ax.yaxis.label) for ax in figure.axes]
-    texts = [x for one in axes for x in one if isinstance(x, Text)]
-    for one in (*figure.texts, *texts, *figure.findobj(Legend)):
-        box = one.get_window_extent()
+    parts = [*figure.texts, *figure.findobj(Legend)]
+    for ax in figure.axes:
+        labels = *ax.get_children(), ax.xaxis.label, ax.yaxis.label
+        parts += [label for label in labels if isinstance(label, Text)]
+    for part in parts:
+        box = part.get_window_extent()
         if box.width and not (-1 <= box.x0 < box.x1 <= width and -1 <= box.y0 < box.y1 <= height):
-            said = ", ".join(x.get_text() for x in one.findobj() if isinstance(x, Text))
-            raise ValueError(f"cut off at the edge of its figure: {said}")
+            words = ", ".join(x.get_text() for x in part.findobj() if isinstance(x, Text))
+            raise ValueError(f"cut off at the edge of its figure: {words}")
 
 
 look = partial(mpl.rc_context, STYLE)  # draw inside this context to get the book's look
@@ -156,8 +154,8 @@ class Curve:
 
     def until(self, t: int) -> Curve:
         """The curve up to an iteration."""
-        kept = self.iterations <= t
-        return evolve(self, iterations=self.iterations[kept], returns=self.returns[:, kept])
+        before = self.iterations <= t
+        return evolve(self, iterations=self.iterations[before], returns=self.returns[:, before])
 
 
 def curve(label: str, algorithm: str, iterations: np.ndarray, returns: np.ndarray) -> Curve:
@@ -167,12 +165,12 @@ def curve(label: str, algorithm: str, iterations: np.ndarray, returns: np.ndarra
 
 def draw_curves(ax: Axes, curves: list[Curve], optimum: float | None = None) -> None:
     """Mean over runs with the 95 % interval shaded, and the planned optimum dashed."""
-    for one in curves:
-        band = mean_interval(one.returns)
-        ax.fill_between(one.iterations, band.low, band.high, color=one.colour, alpha=0.18, lw=0)
-        mark = "o" if len(one.iterations) == 1 else None  # a line needs two records
-        line = dict[str, Any](color=one.colour, ls=one.style, label=one.label, marker=mark)
-        ax.plot(one.iterations, band.centre, **line)
+    for curve in curves:
+        at, colour, band = curve.iterations, curve.colour, mean_interval(curve.returns)
+        ax.fill_between(at, band.low, band.high, color=colour, alpha=0.18, lw=0)
+        mark = "o" if len(at) == 1 else None  # a line needs two records
+        look = dict[str, Any](color=colour, ls=curve.style, label=curve.label, marker=mark)
+        ax.plot(at, band.centre, **look)
     if optimum is not None:
         ax.axhline(optimum, color=OPTIMUM, ls="--", lw=1.1, label="planned optimum")
     ax.set_xlabel("thousand iterations")
@@ -185,9 +183,9 @@ def draw_ends(ax: Axes, curves: list[Curve]) -> None:
     last, dot = curves[0].iterations[-1], dict[str, Any](ms=5, mec="none")
     ax.axvline(last, color="0.85", lw=0.8)
     ax.plot([], [], ".", color="0.5", label="a run's end", **dot)
-    for place, one in enumerate(curves, 1):
-        at = np.full(len(one.returns), last * (1 + 0.03 * place))
-        ax.plot(at, one.returns[:, -1], ".", color=one.colour, alpha=0.5, **dot)
+    for place, curve in enumerate(curves, 1):
+        at = np.full(len(curve.returns), last * (1 + 0.03 * place))
+        ax.plot(at, curve.returns[:, -1], ".", color=curve.colour, alpha=0.5, **dot)
     ax.set_xlim(0, last * (1 + 0.03 * (len(curves) + 1)))
     ax.set_xticks([x for x in ax.get_xticks() if x <= last])
 
@@ -273,8 +271,8 @@ def _mark_arrival(ax: Axes, at: np.ndarray, values: np.ndarray, floor: float, co
         ax.plot(at[half], 0.03, "^", color=colour, transform=ax.get_xaxis_transform(), zorder=5)
         where, base = (at[half], 0.03), ax.get_xaxis_transform()
         # over curves of runs, which would cross it out, and above means that stay at nothing
-        said = ax.annotate("half arrived", where, (7, 3), base, "offset points", size=8, zorder=5)
-        said.set_path_effects([HALO])
+        note = ax.annotate("half arrived", where, (7, 3), base, "offset points", size=8, zorder=5)
+        note.set_path_effects([HALO])
 
 
 def over_published(
@@ -318,12 +316,12 @@ def intervals_figure(
         axes = figure.subplots(1, len(groups), sharex=True, squeeze=False)[0]
         for ax, (name, group) in zip(axes, groups.items(), strict=True):
             for y, values in enumerate(group.values()):
-                one = mean_interval(values)
+                mean = mean_interval(values)
                 # every run a little below
                 at = np.full(len(values), y + 0.3)
                 ax.plot(values, at, ".", color=colours[name], ms=4, mec="none", alpha=0.35)
-                ax.plot([one.low, one.high], [y, y], color=colours[name], lw=1.4)
-                ax.plot(one.centre, y, "o", color=colours[name], ms=5)
+                ax.plot([mean.low, mean.high], [y, y], color=colours[name], lw=1.4)
+                ax.plot(mean.centre, y, "o", color=colours[name], ms=5)
             first = next(iter(group.values()))
             ax.axvline(first.mean(), color=colours[name], lw=0.8, ls=":")
             ax.set_yticks(range(len(group)), [_spelled(x) for x in group])
@@ -349,54 +347,15 @@ def power_of_ten(value: float) -> str:
 def _spelled(name: str) -> str:
     """The name of a variant with its numbers as they are written, such as λ = 10⁻⁴."""
     name = name.replace("lambda 1e", "λ = 1e")
-    return re.sub(r"1e-\d+", lambda found: power_of_ten(float(found[0])), name)
-
-
-class Series:
-    """Figures of one panel that differ in its last curve and its title: the rest is drawn once.
-
-    The figure's own title has a line, which those of the pictures take, and another that stays.
-    """
-
-    def __init__(self, figure: Figure, curves: int) -> None:
-        _drawn(figure)  # which lays it out
-        figure.set_layout_engine("none")
-        self._figure, (self._ax,) = figure, figure.axes
-        self._shade: Any = self._ax.collections[curves - 1]
-        self._line, self._ends = self._ax.lines[curves - 1], self._ax.lines[-1]
-        self._title = self._ax.set_title(self._ax.get_title(loc="left"), loc="left")
-        self._below = self._title.get_text().partition("\n")[2]
-        self._moving = self._shade, self._line, self._ends, self._title
-        for one in self._moving:
-            one.set_animated(True)
-        self._canvas = FigureCanvasAgg(figure)
-        self._canvas.draw()
-        self._rest = self._canvas.copy_from_bbox(figure.bbox)
-
-    def png(self, runs: Dataset, kind: str, title: str, colours: int) -> bytes:
-        """The figure with the returns of some runs for its last curve, as ``small_png``."""
-        at, values = runs.iteration.values, runs[kind].values
-        band = mean_interval(values)
-        around = [np.stack([at, band.low], 1), np.stack([at, band.high], 1)[::-1]]
-        self._shade.set_verts([np.concatenate(around)])
-        self._line.set_data(at, band.centre)
-        self._ends.set_ydata(values[:, -1])
-        self._title.set_text(f"{title}\n{self._below}")
-        self._canvas.restore_region(self._rest)
-        for one in self._moving:
-            self._ax.draw_artist(one)
-        return _palette_png(_pixels(self._figure, self._canvas), colours)
+    return re.sub(r"1e-\d+", lambda number: power_of_ten(float(number[0])), name)
 
 
 def small_png(figure: Figure, colours: int = 64) -> bytes:
     """The figure as a PNG with a palette: a tenth of the bytes, for pages with many pictures."""
-    return _palette_png(_drawn(figure), colours)
-
-
-def _palette_png(picture: Image.Image, colours: int) -> bytes:
     out = io.BytesIO()
     # thirty times as fast as the median cut, and as near to the colours: there are few of them
-    picture.quantize(colours, Image.Quantize.FASTOCTREE).save(out, format="png", optimize=True)
+    picture = _picture(figure).quantize(colours, Image.Quantize.FASTOCTREE)
+    picture.save(out, format="png", optimize=True)
     return out.getvalue()
 
 

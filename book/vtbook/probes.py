@@ -1,7 +1,5 @@
 """What is looked at while posteriors learn: their coverage in rooms, their stability elsewhere."""
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 

@@ -1,7 +1,5 @@
 """The published curves, read off the figures of the authors' conference paper (book/published)."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
@@ -31,8 +29,8 @@ class PublishedCurve(NamedTuple):
 
     def until(self, t: int) -> Interval:
         """The mean until an iteration, with the mean width of the band."""
-        kept = self.iterations <= t
-        return Interval(*(x[kept].mean() for x in (self.mean, self.low, self.high)))
+        before = self.iterations <= t
+        return Interval(*(x[before].mean() for x in (self.mean, self.low, self.high)))
 
 
 def rows(name: str) -> np.ndarray:

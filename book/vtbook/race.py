@@ -1,7 +1,5 @@
 """Two recorded runs in the same rooms, side by side, for a page to play."""
 
-from __future__ import annotations
-
 from base64 import b64encode
 from collections.abc import Sequence
 from typing import Any
@@ -37,7 +35,7 @@ def race(experiment: Experiment, shown: dict[str, str], iterations: int, run: in
     visited = paths(experiment, list(shown), iterations, run)
     tasks = targets(experiment, [run])
     assert isinstance(tasks, Rooms)
-    runs = [_told(label, path) for label, path in zip(shown, visited, strict=True)]
+    runs = [_run(label, path) for label, path in zip(shown, visited, strict=True)]
     setup = {
         "side": SIDE,
         "goal": GOAL_RADIUS,
@@ -47,7 +45,7 @@ def race(experiment: Experiment, shown: dict[str, str], iterations: int, run: in
         "iterations": iterations,
         "runs": runs,
     }
-    told = zip(shown.values(), runs, strict=True)
+    counts = zip(shown.values(), runs, strict=True)
     return panel(
         "race",
         setup,
@@ -58,11 +56,11 @@ def race(experiment: Experiment, shown: dict[str, str], iterations: int, run: in
             f'aria-hidden="true"></canvas><p class="count"></p></figure>'
             for name in shown.values()
         ),
-        alt="; ".join(f"{name}: {len(one['reached'])} times" for name, one in told),
+        alt="; ".join(f"{name}: {len(run['reached'])} times" for name, run in counts),
     )
 
 
-def _told(label: str, path: np.ndarray) -> dict[str, Any]:
+def _run(label: str, path: np.ndarray) -> dict[str, Any]:
     places = np.round(path / SIDE * STEPS).clip(0, STEPS).astype(np.uint8)
     return {
         "colour": COLOURS[label],

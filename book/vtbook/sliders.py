@@ -1,7 +1,5 @@
 """Sliders over stored settings: a picture of each, and in words what it comes to."""
 
-from __future__ import annotations
-
 import functools
 from collections.abc import Callable, Mapping, Sequence
 
@@ -11,9 +9,9 @@ from xarray import Dataset
 from vtbook import widgets
 from vtbook.claims import Runs
 from vtbook.experiments.grids import count_name, slider_name
-from vtbook.plots import Series, image_html, look, power_of_ten, returns_figure
-from vtbook.stored import returns
-from vtbook.tables import told
+from vtbook.experiments.protocols import transfer_settings
+from vtbook.plots import image_html, power_of_ten, returns_figure, small_png
+from vtbook.tables import words
 from vtlab.experiment import Experiment
 from vtlib.stats import Interval
 from vtlib.transfer import Settings
@@ -26,57 +24,48 @@ def setting_sliders(
     grid: Experiment,
     thesis: Mapping[str, Settings],
     references: Callable[..., Mapping[str, Dataset]],
-    floor: float = 0.0,
     counts: Sequence[int] = (),
 ) -> VBox:
     """Sliders over the stored settings of a grid, each a picture with a sentence below it.
 
     thesis: the settings of "GVT" and "1-MGVT" in the thesis. references(): stored returns that are
-    drawn beside those of a setting, runs in the grid's order. floor: the return that counts as
-    nothing. counts: numbers of sources, a fourth slider, if the grid has them; references(count)
-    then tells by them.
+    drawn beside those of a setting, runs in the grid's order. counts: numbers of sources, a fourth
+    slider, if the grid has them; the references then depend on the count.
     """
-    settings = [x for x in grid.algorithms.values() if isinstance(x, Settings)]
-    labels = list(dict.fromkeys(x.split("-lambda-")[0] for x in grid.algorithms))
-    lambdas, psis = sorted({x.lambda_ for x in settings}), sorted({x.psi for x in settings})
-    axes = widgets.parameter_axes(thesis, lambdas, psis, sorted(labels, key=_components))
+    lambdas = sorted({transfer_settings(grid, label).lambda_ for label in grid.algorithms})
+    axes = widgets.parameter_axes(thesis, lambdas)
     if counts:
         numbers = [(f"{n}", n) for n in counts]
         axes.append(widgets.Axis("sources", "number of sources", numbers, len(counts) - 1))
 
-    beside, drawn = functools.cache(references), dict[tuple[object, ...], Series]()
+    beside = functools.cache(references)
 
     @functools.cache
     def stored(setting: Setting, count: tuple[int, ...]) -> Runs:
         name = slider_name(*setting)
-        return Runs(returns(grid, count_name(name, *count) if count else name), floor)
+        return Runs.of(grid, count_name(name, *count) if count else name)
 
     def picture(lambda_: float, psi: float, posterior: str, *count: int) -> str:
         own = thesis["GVT" if posterior == "GVT" else "1-MGVT"]
         setting, usual = (lambda_, psi, posterior), (own.lambda_, own.psi, posterior)
         mine, theirs = stored(setting, count), stored(usual, count)
-        words = setting_words(setting, usual, mine, theirs)
-        if (which := (posterior, *count)) not in drawn:
-            drawn[which] = setting_series(beside(*count), mine, posterior, grid.family.limits)
-        return f"{setting_picture(drawn[which], mine, setting)}<p>{words}</p>"
+        text = setting_words(setting, usual, mine, theirs)
+        image = setting_picture(beside(*count), mine, setting, grid.family.limits)
+        return f"{image}<p>{text}</p>"
 
     return widgets.still_sliders(axes, picture)
-
-
-def _components(label: str) -> int:
-    return 0 if label == "GVT" else int(label.removesuffix("-MGVT"))
 
 
 def setting_words(setting: Setting, usual: Setting, mine: Runs, theirs: Runs) -> str:
     """What a setting earns, its distance from the thesis' setting, and what that means."""
     end = int(mine.stored.iteration[-1])
     of = "of the way to the optimum" if mine.floor else "of the optimum"
-    earns = f"After {end:,} iterations: {told(mine.share(end), 'z.0%')} {of}."
+    earns = f"After {end:,} iterations: {words(mine.share(end), 'z.0%')} {of}."
     if setting == usual:
         return f"{earns} This is the thesis' setting."
     gap = mine.gain_until(theirs, end)
     return (
-        f"{earns} Averaged over the run, {told(gap, '+z.0%')} against the thesis' setting: "
+        f"{earns} Averaged over the run, {words(gap, '+z.0%')} against the thesis' setting: "
         f"{meaning(setting, usual, gap)}."
     )
 
@@ -99,23 +88,16 @@ def meaning(setting: Setting, usual: Setting, gap: Interval) -> str:
     return "worse, and both λ and ψ have moved"
 
 
-def setting_series(
-    references: Mapping[str, Dataset], mine: Runs, posterior: str, limits: tuple[float, float]
-) -> Series:
-    """Learning returns with one posterior, in any of its settings, over those of references."""
-    runs = {label: first_runs(other, mine.stored) for label, other in references.items()}
-    runs[posterior] = mine.stored
-    with look():
-        return Series(returns_figure(runs, limits, LEARNING, "λ", NARROW), len(runs))
-
-
-def setting_picture(series: Series, mine: Runs, setting: Setting) -> str:
-    """A setting's learning returns as an HTML picture of its posterior's series."""
+def setting_picture(
+    references: Mapping[str, Dataset], mine: Runs, setting: Setting, limits: tuple[float, float]
+) -> str:
+    """A setting's learning returns over those of references, as an HTML picture."""
     (lambda_, psi, posterior), stored = setting, mine.stored
+    runs = {label: first_runs(x, stored) for label, x in references.items()} | {posterior: stored}
+    title = f"λ = {power_of_ten(lambda_)}, ψ = {psi:g}, {posterior}"
+    png = small_png(returns_figure(runs, limits, LEARNING, title, NARROW), 32)
     end = float(stored.learning[:, -1].mean())
     alt = f"Learning return with lambda = {lambda_:.0e}, psi = {psi:g}, {posterior}; "
-    title = f"λ = {power_of_ten(lambda_)}, ψ = {psi:g}, {posterior}"
-    png = series.png(stored, "learning", title, 32)
     return image_html(png, f"{alt}final learning return {end:.2f}.")
 
 

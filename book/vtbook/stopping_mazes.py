@@ -1,7 +1,5 @@
 """Mazes whose border stops robots that touch it, where the thesis' slide along it."""
 
-from __future__ import annotations
-
 import numpy as np
 from attrs import frozen
 

@@ -1,7 +1,5 @@
 """Tables as HTML: claims with their verdicts, how a figure was computed, and robust numbers."""
 
-from __future__ import annotations
-
 import html
 import re
 from collections.abc import Iterable, Mapping, Sequence
@@ -20,21 +18,19 @@ Row = Sequence[str]
 
 def escape(text: str) -> str:
     """Text for HTML, with printers' apostrophes, and names such as 1-MGVT kept in one line."""
-    said = html.escape(text).replace("&#x27;", "’")
-    return re.sub(r"\b\d-MGVT\b", r"<span class='whole'>\g<0></span>", said)
+    text = html.escape(text).replace("&#x27;", "’")
+    return re.sub(r"\b\d-MGVT\b", r"<span class='whole'>\g<0></span>", text)
 
 
 def html_table(head: Row, rows: Iterable[Row], caption: str = "") -> str:
     """A plain HTML table of text, which is escaped; the first cell of each row names it."""
     above = f"<caption>{escape(caption)}</caption>" if caption else ""
-    heads = "".join(f"<th scope='col'>{escape(one)}</th>" for one in head)
-    body = "".join(_row(*row) for row in rows)
+    heads = "".join(f"<th scope='col'>{escape(x)}</th>" for x in head)
+    body = ""
+    for name, *cells in rows:
+        values = "".join(f"<td>{escape(cell)}</td>" for cell in cells)
+        body += f"<tr><th scope='row'>{escape(name)}</th>{values}</tr>"
     return f"<table>{above}<thead><tr>{heads}</tr></thead><tbody>{body}</tbody></table>"
-
-
-def _row(name: str, *cells: str) -> str:
-    others = "".join(f"<td>{escape(cell)}</td>" for cell in cells)
-    return f"<tr><th scope='row'>{escape(name)}</th>{others}</tr>"
 
 
 PROTOCOLS = {"published": "As published", "equations": "By the equations"}
@@ -56,11 +52,12 @@ def claims_table(claims: Sequence[Claim]) -> str:
     return _claims([_claim_row(x, printed) for x in claims], printed)
 
 
-def scorecard_table(pages: Mapping[str, tuple[str, Sequence[Claim]]]) -> str:
-    """The claims of all pages below a link to each: {name of the page: (its title, its claims)}."""
+def scorecard_table(pages: Mapping[str, Sequence[Claim]]) -> str:
+    """The claims of pages, by the pages' names, below a link to each page."""
     rows = []
-    for page, (title, claims) in pages.items():
-        link = f"<a href='{escape(page)}.html#the-claims'>{escape(title)}</a>"
+    for page, claims in pages.items():
+        title = page.replace("_", " ").capitalize()
+        link = f"<a href='{page}.html#the-claims'>{title}</a>"
         rows.append(f"<tr><th colspan='{2 + len(PROTOCOLS)}'>{link}</th></tr>")
         rows += map(_claim_row, claims)
     return _claims(rows)
@@ -79,14 +76,14 @@ def _claim_row(claim: Claim, printed: bool = True) -> str:
     # The first word of the verdict is a class, by which the book colours its cell.
     cells = []
     for protocol in PROTOCOLS:
-        if protocol not in claim.found:
+        if protocol not in claim.numbers:
             cells.append("<td></td>")
             continue
         head = _on_phones(PROTOCOLS[protocol])
         verdict = claim.verdict(protocol)
-        number = escape(_decisive(claim, claim.found[protocol]))
-        if protocol in claim.met:
-            number += f"<br>met at {claim.met[protocol]:.0%}"
+        number = escape(_decisive(claim, claim.numbers[protocol]))
+        if protocol in claim.overlap:
+            number += f"<br>met at {claim.overlap[protocol]:.0%}"
         style = f"verdict {verdict.split()[0]}"
         cells.append(f"<td class='{style}'>{head}{verdict}<br><small>{number}</small></td>")
     if claim.printed is not None:
@@ -95,7 +92,7 @@ def _claim_row(claim: Claim, printed: bool = True) -> str:
     elif printed:
         cells.append("<td></td>")
     ours = " <em>(a claim of this book’s)</em>" if claim.ours else ""
-    decides = f"<small>{escape(claim.number)}: {claim.bounds}</small>"
+    decides = f"<small>{escape(claim.measure)}: {claim.bounds}</small>"
     return f"<tr><th scope='row'>{escape(claim.text)}{ours}<br>{decides}</th>{''.join(cells)}</tr>"
 
 
@@ -105,7 +102,7 @@ def _decisive(claim: Claim, number: Interval) -> str:
     for digits in (2, 3, 4):
         if claim.judge(Interval(*(round(float(x), digits) for x in number))) == verdict:
             break
-    return told(number, f"z.{digits}f")
+    return words(number, f"z.{digits}f")
 
 
 def _on_phones(head: str) -> str:
@@ -115,8 +112,8 @@ def _on_phones(head: str) -> str:
 
 def tally(claims: Iterable[Claim], protocol: str) -> dict[str, int]:
     """How many claims of the thesis' own have each verdict in a protocol."""
-    found = [x.verdict(protocol) for x in claims if protocol in x.found and not x.ours]
-    return {verdict: found.count(verdict) for verdict in VERDICTS}
+    verdicts = [x.verdict(protocol) for x in claims if protocol in x.numbers and not x.ours]
+    return {verdict: verdicts.count(verdict) for verdict in VERDICTS}
 
 
 def cost_of_sources_table(costs: Mapping[str, Cost]) -> str:
@@ -126,14 +123,14 @@ def cost_of_sources_table(costs: Mapping[str, Cost]) -> str:
     rows = [
         [
             label,
-            f"{one.sources:,.0f}",
-            f"{one.with_transfer.mean():,.0f}",
-            f"{one.without.mean():,.0f}",
-            told(one.saved, "z,.0f"),
-            f"{one.unsolved} of {len(one.with_transfer)}; {one.unsolved_without} without transfer",
-            _paid(one),
+            f"{cost.sources:,.0f}",
+            f"{cost.with_transfer.mean():,.0f}",
+            f"{cost.without.mean():,.0f}",
+            words(cost.saved, "z,.0f"),
+            f"{cost.unsolved} of {len(cost.without)}; {cost.unsolved_without} without transfer",
+            _paid(cost),
         ]
-        for label, one in costs.items()
+        for label, cost in costs.items()
     ]
     return html_table(head, rows, UNCOUNTED)
 
@@ -151,15 +148,12 @@ def settings_table(experiment: Experiment) -> str:
     groups: dict[Any, list[str]] = {}
     for label, algorithm in experiment.algorithms.items():
         groups.setdefault(algorithm, []).append(label)
-    settings = [_flat(attrs.asdict(algorithm)) for algorithm in groups]
-    names = dict.fromkeys(name for one in settings for name in one)
-    rows = [[name, *(_text(one.get(name)) for one in settings)] for name in names]
+    settings = [attrs.asdict(algorithm) for algorithm in groups]
+    # with those of the learner inside them as their own
+    settings = [{**parameters.pop("learner", {}), **parameters} for parameters in settings]
+    names = dict.fromkeys(name for algorithm in settings for name in algorithm)
+    rows = [[name, *(_text(algorithm.get(name)) for algorithm in settings)] for name in names]
     return html_table(["parameter", *map(_span, groups.values())], rows)
-
-
-def _flat(settings: dict[str, Any]) -> dict[str, Any]:
-    """Settings with those of the learner inside them as their own."""
-    return {**settings.pop("learner", {}), **settings}
 
 
 def _span(labels: Sequence[str]) -> str:
@@ -192,12 +186,12 @@ def cost_table(notes: Iterable[Mapping[str, Any]]) -> str:
     return html_table(["stored result", "seconds of one core", "processor", "versions"], rows)
 
 
-def told(value: Interval | np.ndarray | float | str, form: str = "z.2f") -> str:
+def words(value: Interval | np.ndarray | float | str, form: str = "z.2f") -> str:
     """A number in words, with its interval if it has one, by a format for each; words by "s"."""
     if isinstance(value, tuple):
         if value.low == value.high:
-            return told(value.centre, form)
-        centre, low, high = (told(x, form) for x in value)
+            return words(value.centre, form)
+        centre, low, high = (words(x, form) for x in value)
         return f"{centre} ({low} to {high})"
     text = f"{value:{form}}"
     return f"−{text[1:]}" if text.startswith("-") else text

@@ -1,7 +1,5 @@
 """A panel for a page: the reader trains the method there, in WebAssembly, from real sources."""
 
-from __future__ import annotations
-
 from base64 import b64encode
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -33,16 +31,12 @@ ALGORITHMS: dict[str, Settings | MellowTDSettings] = {
 
 def mean_curves(runs: Mapping[str, Dataset], until: int) -> list[dict[str, Any]]:
     """Mean learning returns of stored runs up to an iteration, as ``train_here`` draws them."""
-    stored = {label: one.sel(iteration=slice(None, until)) for label, one in runs.items()}
-    return [
-        _reference(
-            f"{label}, {one.sizes['run']} runs",
-            COLOURS[label],
-            one.iteration.values,
-            one.learning.mean("run").values,
-        )
-        for label, one in stored.items()
-    ]
+    curves = []
+    for label, stored in runs.items():
+        mean = stored.learning.sel(iteration=slice(None, until)).mean("run")
+        name = f"{label}, {stored.sizes['run']} runs"
+        curves.append(_reference(name, COLOURS[label], mean.iteration.values, mean.values))
+    return curves
 
 
 def published_curves(printed: Mapping[str, PublishedCurve], until: int) -> list[dict[str, Any]]:
@@ -50,15 +44,15 @@ def published_curves(printed: Mapping[str, PublishedCurve], until: int) -> list[
     curves = []
     for label in ("GVT", "1-MGVT"):
         at, mean, *_ = printed[label]
-        kept = at <= until
-        one = _reference(f"{label}, published", INK, at[kept], mean[kept])
-        curves.append({**one, "family": label.removeprefix("1-")})
+        early = at <= until
+        curve = _reference(f"{label}, published", INK, at[early], mean[early])
+        curves.append({**curve, "family": label.removeprefix("1-")})
     return curves
 
 
 def _reference(label: str, colour: str, at: np.ndarray, values: np.ndarray) -> dict[str, Any]:
-    drawn = {"iterations": at.tolist(), "values": values.round(3).tolist()}
-    return {"label": label, "colour": colour, **drawn}
+    points = {"iterations": at.tolist(), "values": values.round(3).tolist()}
+    return {"label": label, "colour": colour, **points}
 
 
 def train_here(
@@ -82,7 +76,9 @@ def train_here(
     code = PAGE.read_bytes()
     setup = {
         "fields": {"integers": INTEGERS.split(), "numbers": NUMBERS.split()},
-        "settings": {name: _told(name, s) for name, s in (ALGORITHMS | {"NT": nothing}).items()},
+        "settings": {
+            name: _settings(name, s) for name, s in (ALGORITHMS | {"NT": nothing}).items()
+        },
         "scales": [float(f"{x:.6g}") for x in scales],
         "doors": list(doors),
         "references": list(references),
@@ -97,10 +93,10 @@ def train_here(
     return panel("trainer", setup, **sizes)
 
 
-def _told(name: str, s: Settings | MellowTDSettings) -> dict[str, Any]:
+def _settings(name: str, s: Settings | MellowTDSettings) -> dict[str, Any]:
     """The kernel's settings of an algorithm, and where its posterior starts."""
-    told = {**kernel_settings(s), "name": name}
+    settings = {**kernel_settings(s), "name": name}
     if isinstance(s, Settings):
-        variance = SPAN_JITTER if s.init == "span" else 1 / told["scale"]
-        told.update(init=s.init, variance=variance, ddof=s.ddof)
-    return told
+        variance = SPAN_JITTER if s.init == "span" else 1 / settings["scale"]
+        settings.update(init=s.init, variance=variance, ddof=s.ddof)
+    return settings

@@ -1,7 +1,5 @@
 """Value maps: what a network believes over two coordinates of the state, and where that leads."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
 
@@ -85,14 +83,14 @@ def on_the_way(
         yield agent.mu.detach().clone(), size
 
 
-def draw_map(ax: Axes, one: ValueMap) -> AxesImage:
+def draw_map(ax: Axes, values: ValueMap) -> AxesImage:
     """The greedy value in colours, white lines between the actions, and the path in orange."""
-    plane, actions = one.plane, one.values.argmax(0)
+    plane, actions = values.plane, values.values.argmax(0)
     (left, right), (low, high) = (
         np.array(ends) / unit for ends, unit in zip(plane.ends, plane.units, strict=True)
     )
     image = ax.imshow(
-        one.values.max(0),
+        values.values.max(0),
         origin="lower",
         extent=(left, right, low, high),
         aspect="auto",
@@ -104,7 +102,7 @@ def draw_map(ax: Axes, one: ValueMap) -> AxesImage:
         lines = ax.contour(across, up, actions, borders, colors="white", linewidths=1)
         # seen on light values, too, which dark pages show as dark ones
         lines.set_path_effects([withStroke(linewidth=2.2, foreground="black")])
-    ax.plot(*(one.path / plane.units).T, ".-", color=PATH, ms=3, lw=0.8)
+    ax.plot(*(values.path / plane.units).T, ".-", color=PATH, ms=3, lw=0.8)
     ax.set(xlim=(left, right), ylim=(low, high), xlabel=plane.labels[0], ylabel=plane.labels[1])
     ax.label_outer()
     ax.grid(False)
@@ -116,15 +114,15 @@ def maps_picture(maps: Mapping[str, ValueMap], iteration: int) -> str:
     with look():
         figure = BookFigure(figsize=(7.6, 3.6))
         axes = figure.subplots(1, len(maps), sharey=True, squeeze=False)[0]
-        for ax, (label, one) in zip(axes, maps.items(), strict=True):
-            image = draw_map(ax, one)
+        for ax, (label, values) in zip(axes, maps.items(), strict=True):
+            image = draw_map(ax, values)
             ax.set_title(label)
         figure.colorbar(image, ax=axes, label="greedy value", shrink=0.9)
         figure.suptitle(f"iteration {iteration:,}", x=0.01, ha="left", fontsize=10)
         words = "; ".join(
-            f"{label}: greedy value {one.values.max(0).min():.0f} to {one.values.max():.0f}, "
-            f"{len(one.path) - 1} steps from the start"
-            for label, one in maps.items()
+            f"{label}: greedy value {x.values.max(0).min():.0f} to {x.values.max():.0f}, "
+            f"{len(x.path) - 1} steps from the start"
+            for label, x in maps.items()
         )
         alt = f"Values after {iteration} iterations. {words}."
         return figure_html(figure, alt, 256)

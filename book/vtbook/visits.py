@@ -3,8 +3,6 @@
 Visited positions have shape (R, T, 2), those of R runs at T times.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.special import entr
 

@@ -1,7 +1,5 @@
 """Sliders for lambda, psi and the posterior: over pictures drawn beforehand, and live."""
 
-from __future__ import annotations
-
 import functools
 import threading
 from collections.abc import Callable, Mapping, Sequence
@@ -12,20 +10,14 @@ import numpy as np
 from attrs import evolve, frozen
 from xarray import Dataset
 
-from vtbook import plots, processors
-from vtbook.experiments.grids import (
-    POSTERIORS,
-    PSIS,
-    slider_settings,
-    slider_thesis,
-)
+from vtbook import plots
+from vtbook.experiments.grids import POSTERIORS, PSIS, slider_settings, slider_thesis
 from vtbook.plots import Curve, image_html, learning_figure, look, power_of_ten, small_png
+from vtbook.rerun import NEW, first_runs
 from vtlab.experiment import Experiment
-from vtlab.run import run_batch
 from vtlib.transfer import Settings
 
 LAMBDAS = (0.0, *(float(f"1e{power}") for power in range(-8, 0)))  # of the live panel
-NEW = "#000000"  # of the new curve, solid beside the dashed optimum
 
 
 @functools.cache
@@ -44,26 +36,20 @@ class Axis:
     start: int
 
 
-def parameter_axes(
-    thesis: Mapping[str, Settings],
-    lambdas: Sequence[float],
-    psis: Sequence[float] = PSIS,
-    posteriors: Sequence[str] = POSTERIORS,
-) -> list[Axis]:
+def parameter_axes(thesis: Mapping[str, Settings], lambdas: Sequence[float]) -> list[Axis]:
     """Sliders over lambda, psi and the posterior, which start at the thesis' 1-MGVT.
 
-    ValueError when its setting is not on the grid.
+    Raises ValueError when the lambda or the psi of 1-MGVT is not on the grid.
     """
     base = thesis["1-MGVT"]
-    for name, grid in (("lambda_", lambdas), ("psi", psis)):
-        if getattr(base, name) not in grid:
-            raise ValueError(f"{name} must be one of {tuple(grid)}, got {getattr(base, name)}")
-    powers, shares = [(power_of_ten(x), x) for x in lambdas], [(f"{x:g}", x) for x in psis]
-    kinds, spoken = [(x, x) for x in posteriors], "posterior, a Gaussian or C components"
+    if base.lambda_ not in lambdas or base.psi not in PSIS:
+        raise ValueError(f"sliders lack lambda {base.lambda_} or psi {base.psi} of 1-MGVT")
+    powers, shares = [(power_of_ten(x), x) for x in lambdas], [(f"{x:g}", x) for x in PSIS]
+    kinds, spoken = [(x, x) for x in POSTERIORS], "posterior, a Gaussian or C components"
     return [
         Axis(r"\(\lambda\)", "lambda, weight of the KL term", powers, lambdas.index(base.lambda_)),
-        Axis(r"\(\psi\)", "psi, share of the full gradient", shares, psis.index(base.psi)),
-        Axis("posterior", spoken, kinds, posteriors.index("1-MGVT")),
+        Axis(r"\(\psi\)", "psi, share of the full gradient", shares, PSIS.index(base.psi)),
+        Axis("posterior", spoken, kinds, POSTERIORS.index("1-MGVT")),
     ]
 
 
@@ -168,10 +154,9 @@ class LivePanel:
                 self._experiment,
                 algorithms={"live": slider_settings(self._thesis, *setting)},
                 counts={"live": self._sources.value},
-                iterations=self._iterations.value,
             )
-            runs, given = range(self._runs.value), (self._weights, self._progress)
-            arrays = run_batch(live, "live", runs, *given, threads=processors())
+            size = self._runs.value, self._iterations.value
+            arrays = first_runs(live, "live", *size, self._weights, self._progress)
             label, at = f"{setting[-1]}, just now", arrays["iterations"]
             self._draw([Curve(label, at, arrays[kind], NEW) for kind in plots.KINDS.values()])
             self._says.value = f"{'stopped' if self._halt.is_set() else 'done'} at {at[-1]:,}"
@@ -189,13 +174,13 @@ class LivePanel:
         stored = self._stored.items()
         end = new[0].iterations[-1] if new else self._experiment.iterations
         panels = {
-            title: [*(one.until(end) for one in old), *new[i : i + 1]]
-            for i, (title, old) in enumerate(stored)
+            title: [*(curve.until(end) for curve in curves), *new[i : i + 1]]
+            for i, (title, curves) in enumerate(stored)
         }
         with look():
             limits = self._experiment.family.limits
             picture = small_png(learning_figure(panels, self._optimum, limits))
-        labels = ", ".join(one.label for one in next(iter(panels.values())))
+        labels = ", ".join(curve.label for curve in next(iter(panels.values())))
         self._picture.value = image_html(picture, f"Learning and greedy return of {labels}.")
 
 

@@ -27,17 +27,17 @@ def zero_shot(
     check_pool_weights(experiment.pool, weights)
     rng = Rng(f"{experiment.stream} zero-shot", runs)
     evaluate = Evaluation(family.q(), targets(experiment, runs), rng, episodes, "max")
-    given = torch.from_numpy(weights[chosen_sources(experiment, runs)])
-    return evaluate(given.mean(1, keepdim=True) if of_mean else given).numpy()
+    sources = torch.from_numpy(weights[chosen_sources(experiment, runs)])
+    return evaluate(sources.mean(1, keepdim=True) if of_mean else sources).numpy()
 
 
 def greedy_returns(
-    experiment: Experiment, given: Tensor, stream: str, episodes: int = 20
+    experiment: Experiment, weights: Tensor, stream: str, episodes: int = 20
 ) -> np.ndarray:
     """What the greedy policies of weights (R, C, d) earn in each run's task, by their mean (R,)."""
     runs = range(experiment.runs)
     noise, tasks = Rng(stream, runs), targets(experiment, runs)
-    return Evaluation(experiment.family.q(), tasks, noise, episodes, "each")(given).numpy()
+    return Evaluation(experiment.family.q(), tasks, noise, episodes, "each")(weights).numpy()
 
 
 def at_start(
@@ -49,6 +49,8 @@ def at_start(
     assert isinstance(agent, VariationalTransfer)
     noise = Rng(f"{stream} samples", runs).stream(label).normal(samples * d)
     mu = agent.mu.detach()
-    drawn = posterior_samples(mu, agent.scale_tril, noise.view(len(runs), 1, samples, d))
-    each = {"mean": mu, "sample": drawn}
-    return {name: greedy_returns(experiment, given, stream) for name, given in each.items()}
+    sample = posterior_samples(mu, agent.scale_tril, noise.view(len(runs), 1, samples, d))
+    return {
+        "mean": greedy_returns(experiment, mu, stream),
+        "sample": greedy_returns(experiment, sample, stream),
+    }

@@ -8,6 +8,8 @@ from xarray import Dataset
 
 from vtbook import claims
 from vtbook.claims import NOT, REPRODUCED, STRONGER, UNDECIDED, Claim, Figure, Printed, Runs
+from vtbook.experiments.cartpole import CARTPOLE, CARTPOLE_INGREDIENTS
+from vtbook.experiments.rooms import ROOMS_INGREDIENTS
 from vtbook.published import PublishedCurve
 from vtlib.stats import Interval, mean_interval
 
@@ -121,21 +123,22 @@ def figure(monkeypatch):
     monkeypatch.setattr(claims, "returns", returns)
     monkeypatch.setattr(claims, "curves", curves)
     levels = {"published": {"A": 1.0, "B": 3.0}, "equations": {"A": 2.0, "B": 2.0}}
-    return Figure({x: SimpleNamespace(algorithms=y) for x, y in levels.items()}, "some-figure")
+    protocols = {x: SimpleNamespace(algorithms=y, family=None) for x, y in levels.items()}
+    return Figure(protocols, "some-figure")
 
 
 def test_a_claim_is_measured_alike_in_both_protocols_and_on_the_published_curves(figure):
     claim = figure.claim("text", "n", lambda a, b: a.gain(b, 500), "B", "A", low=0.1, ours=True)
-    assert {x: one.centre for x, one in claim.found.items()} == {"published": 0.5, "equations": 0}
+    assert {x: one.centre for x, one in claim.numbers.items()} == {"published": 0.5, "equations": 0}
     # the published curves are shares of the optimum of our runs
     assert near(claim.printed, 0.0, 0.25 * 2**0.5 / 4)
-    assert [claim.verdict(x) for x in claim.found] == [REPRODUCED, NOT]
+    assert [claim.verdict(x) for x in claim.numbers] == [REPRODUCED, NOT]
     assert (claim.low, claim.high, claim.ours) == (0.1, np.inf, True)
-    assert claim.met == {
-        x: min(figure.overlap(x, y, "learning") for y in "AB") for x in claim.found
+    assert claim.overlap == {
+        x: min(figure.overlap(x, y, "learning") for y in "AB") for x in claim.numbers
     }
     alone = "", "", lambda a: a.share(500), "A"
-    assert figure.claim(*alone, kind="greedy").met["equations"] == pytest.approx(2 / 3)
+    assert figure.claim(*alone, kind="greedy").overlap["equations"] == pytest.approx(2 / 3)
     assert figure.claim(*alone, printed=False).printed is None
     assert Figure(figure.protocols).claim(*alone).printed is None
 
@@ -151,3 +154,13 @@ def test_curves_overlap_where_both_were_recorded_and_their_intervals_meet(figure
     monkeypatch.setitem(figure.printed, "A", Printed(later, later, 4.0))
     # at 1,000 the curve's first value meets ours, at 1,500 its second one; 2,000 is not ours
     assert figure.overlap("published", "A", "learning") == 1
+
+
+def test_runs_are_found_by_label_or_by_what_was_changed():
+    runs = claims.runs_of(CARTPOLE_INGREDIENTS)
+    assert list(runs) == list(CARTPOLE_INGREDIENTS.algorithms)
+    others = {"as it was": CARTPOLE.published}
+    changed = claims.runs_of(CARTPOLE_INGREDIENTS, "GVT", others)
+    assert list(changed) == ["from the prior, no clip", "launch defaults", "as it was"]
+    assert changed["launch defaults"].stored.identical(runs["GVT, launch defaults"].stored)
+    assert "as published" in claims.runs_of(ROOMS_INGREDIENTS, "1-MGVT")

@@ -8,7 +8,6 @@ import pytest
 from scipy.stats import t as student
 
 from vtbook.comparisons import (
-    adjusted,
     holm,
     paired_p,
     ratio_interval,
@@ -105,11 +104,3 @@ def test_intervals_cover_what_they_estimate(find, truth, least, most):
     g = rng(3)
     found = [find(g) for _ in range(200)]
     assert least < np.mean([low <= truth <= high for _, low, high in found]) < most
-
-
-def test_p_values_are_adjusted_for_their_number_and_told_by_name():
-    a = rng().normal(0, 1, 20)
-    pairs = {"apart": (a, a + rng(1).normal(1, 1, 20)), "alike": (a, rng(2).normal(0, 1, 20))}
-    found = adjusted(pairs, lambda runs: 3 * runs)
-    assert found["apart"] == pytest.approx(2 * paired_p(*pairs["apart"]))
-    assert found["alike"] == pytest.approx(paired_p(*pairs["alike"]))

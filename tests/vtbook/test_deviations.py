@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from vtbook.experiments import rooms
 from vtlib.stats import Interval
 
 
@@ -35,11 +34,3 @@ def test_an_effect_is_the_other_choice_minus_the_first_at_the_iterations_of_both
     gain = other.learning.values - first.learning.values[:, :shared]
     gain /= first.optimum.values[:, None]
     np.testing.assert_allclose([over.centre, end.centre], [gain.mean(), gain[:, -1].mean()], 1e-5)
-
-
-def test_all_runs_of_the_deviations_are_on_the_page(page):
-    compared = [pair for found in page["effects"].values() for pair, *_ in found]
-    for name in ("INGREDIENTS", "DEVIATIONS", "FRONTIER", "CORNER"):
-        experiment = getattr(rooms, f"ROOMS_{name}")
-        shown = {label for p in compared for e, label in (p.other, p.first) if e is experiment}
-        assert shown == set(experiment.algorithms)

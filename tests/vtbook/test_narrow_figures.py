@@ -57,13 +57,3 @@ def test_many_panels_stand_in_columns_and_the_figure_is_what_it_was():
                 figure.draw_without_rendering()
                 left = {round(ax.get_position().x0, 2) for ax in axes.flat}
                 assert len(left) == columns
-
-
-def test_names_of_two_lines_stand_apart():
-    with look():
-        figure, ((ax,),) = drawn(1, 1)
-        ax.set_yticks(range(6), ["first line,\nsecond line"] * 6)
-        with narrow(figure):
-            figure.draw_without_rendering()
-            boxes = [one.get_window_extent() for one in ax.get_yticklabels()]
-    assert all(below.y1 < above.y0 for below, above in itertools.pairwise(boxes))

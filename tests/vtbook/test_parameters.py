@@ -8,9 +8,7 @@ from vtbook.experiments.cartpole import CARTPOLE
 from vtbook.experiments.maze import MAIN, MAZE_TARGETS
 from vtbook.experiments.mountain_car import CAR
 from vtbook.experiments.rooms import ROOMS_EVALUATION
-from vtlab.experiment import Pool
 from vtlib.baselines import DDQNSettings, MellowTDSettings
-from vtlib.transfer import Settings
 
 PROTOCOLS = {"rooms": ROOMS_EVALUATION, "cartpole": CARTPOLE, "mountain car": CAR}
 PROTOCOLS |= {"mazes": MAZE_TARGETS[MAIN]}
@@ -87,14 +85,3 @@ def test_runs_and_pools_are_those_of_the_thesis(name):
     e = PROTOCOLS[name].equations
     assert (e.family.q().d, e.pool.count, e.sources, e.iterations) == SIZES[name]
     assert e.runs == 20
-
-
-def test_the_page_leaves_no_parameter_out(cells_of):
-    page = cells_of("parameters")
-    fields = [attrs.fields_dict(x) for x in (Settings, MellowTDSettings, DDQNSettings, Pool)]
-    # a pool's tasks are in the text, and where its sources start is measured elsewhere
-    elsewhere = {"family", "name", "as_targets", "stream"}
-    assert set().union(*fields) - elsewhere <= set(page["MEANING"])
-    for environment, group, *_ in (key.split() for key in page["OTHERWISE"]):
-        assert environment in {"rooms", "cartpole", "mountain-car", "mazes"}
-        assert group in {"transfer", "sources", "NT", "DDQN"}

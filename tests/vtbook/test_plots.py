@@ -121,22 +121,6 @@ def test_a_figure_draws_each_kind_of_return_with_its_band_and_the_optimum_dashed
     plots.small_png(figure)
 
 
-@pytest.mark.parametrize("width", [7.6, 4.1])
-@pytest.mark.parametrize("words", [1, 4, 9])
-def test_a_legend_has_as_many_columns_as_find_room(words, width):
-    labels = [f"{i} {' word' * words}" for i in range(3)]
-    lines = [plots.Curve(x, np.array([1, 2]), np.eye(2), OPTIMUM) for x in labels]
-    with plots.look():
-        figure = plots.learning_figure({"learning return": lines}, 0.5, (0, 1), width=width)
-    plots.small_png(figure)  # which would say that it is cut off
-    (legend,) = figure.legends
-    assert [x.get_text() for x in legend.get_texts()][:3] == labels
-
-
-def test_exponents_are_raised_and_nothing_is_0():
-    assert [plots.power_of_ten(x) for x in (0.0, 1e-6, 0.1)] == ["0", "10⁻⁶", "10⁻¹"]
-
-
 def published(seed):
     """A made-up curve at 50, 150, ... iterations, which are not those of the runs."""
     mean = np.random.default_rng(seed).random(7) / 2

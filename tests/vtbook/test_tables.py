@@ -31,17 +31,17 @@ def test_text_is_set_as_printers_do_and_names_are_kept_in_one_line():
 
 def test_claims_are_told_with_what_decides_about_them():
     found = {"published": IN, "equations": OUT}
-    met = {"equations": 0.567}
-    claim = Claim(f"{HOSTILE} holds.", "<it> & all", found, ACROSS, high=1.0, met=met)
+    overlap = {"equations": 0.567}
+    claim = Claim(f"{HOSTILE} holds.", "<it> & all", found, ACROSS, high=1.0, overlap=overlap)
     mine = Claim("Mine.", "n", {"published": ACROSS}, None, low=0.9, ours=True)
-    card = tables.scorecard_table({"rooms": ("Rooms & all", [claim]), "maze": ("Maze", [mine])})
+    card = tables.scorecard_table({"three_rooms": [claim], "maze": [mine]})
     plain = tables.claims_table([claim, mine])
     head, rooms, first, maze, second = rows_of(card)
     assert rows_of(plain) == [head, first, second]
     assert plain.count("<th scope='row'>") == 2
     assert tables.html_table(["", "x"], [["a", "1"]]).count("<th scope='row'>a</th>") == 1
     assert head[1:] == ["As published", "By the equations", "Published curve"]
-    assert rooms == ["<a href='rooms.html#the-claims'>Rooms & all</a>"]
+    assert rooms == ["<a href='three_rooms.html#the-claims'>Three rooms</a>"]
     assert maze == ["<a href='maze.html#the-claims'>Maze</a>"]
     assert first == [
         f"{SHOWN} holds.<br><small><it> & all: at most 1</small>",

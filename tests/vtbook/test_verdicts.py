@@ -9,7 +9,6 @@ from vtbook import verdicts
 from vtbook.claims import NOT, Runs
 from vtbook.experiments.grids import count_name
 from vtbook.experiments.rooms import ROOMS_SOURCES
-from vtlab.store import returns
 
 BOOK = Path(__file__).parents[2] / "book"
 
@@ -17,15 +16,15 @@ BOOK = Path(__file__).parents[2] / "book"
 @pytest.mark.parametrize("page", verdicts.PAGES)
 def test_every_claim_can_be_told_once_and_the_published_curves_keep_it(page):
     claims = verdicts.PAGES[page]()
-    assert len({(one.text, one.number) for one in claims}) == len(claims) > 0
+    assert len({(one.text, one.measure) for one in claims}) == len(claims) > 0
     assert f"verdicts.{page}()" in (BOOK / f"{page}.md").read_text(encoding="utf-8")
     for one in claims:
-        assert "published" in one.found
+        assert "published" in one.numbers
         assert one.low < one.high
         assert np.isfinite([one.low, one.high]).any()
         # a bound that the thesis' own figure misses would be no reading of its words
         assert one.printed is None or one.judge(one.printed) != NOT, (one.text, one.printed)
-        for number in (*one.found.values(), one.printed or (0, 0, 0)):
+        for number in (*one.numbers.values(), one.printed or (0, 0, 0)):
             assert np.isfinite(number).all()
             assert number[1] <= number[0] <= number[2]
 
@@ -33,5 +32,5 @@ def test_every_claim_can_be_told_once_and_the_published_curves_keep_it(page):
 def test_the_number_of_sources_is_judged_by_the_runs_of_each_protocol():
     claim = verdicts.rooms_number_of_sources()[0]
     for protocol, experiment in ROOMS_SOURCES._asdict().items():
-        pair = [Runs(returns(experiment, count_name(x, 2))) for x in ("GVT", "1-MGVT")]
-        assert claim.found[protocol] == Runs.ratio(*pair, verdicts.rooms.SOURCES_AT[0])
+        pair = [Runs.of(experiment, count_name(x, 2)) for x in ("GVT", "1-MGVT")]
+        assert claim.numbers[protocol] == Runs.ratio(*pair, verdicts.rooms.SOURCES_AT[0])

@@ -8,9 +8,8 @@ import pytest
 from attrs import evolve
 from xarray import Dataset
 
-from vtbook import processors, widgets
+from vtbook import processors, rerun, widgets
 from vtbook.experiments.cartpole import CARTPOLE
-from vtbook.experiments.grids import POSTERIORS, slider_thesis
 from vtbook.experiments.maze import MAIN, MAZE_TARGETS
 from vtbook.experiments.mountain_car import CAR
 from vtbook.experiments.protocols import FROM_MEAN, transfer_settings
@@ -68,9 +67,9 @@ def quick(experiment, label, runs, *_, **__):
 
 
 def test_a_panel_shows_what_is_stored_then_trains_and_draws_until_it_is_stopped(monkeypatch):
-    gate, real = threading.Event(), widgets.run_batch
+    gate, real = threading.Event(), rerun.run_batch
     late = Mock(side_effect=lambda *call, **how: gate.wait(30) and real(*call, **how))
-    monkeypatch.setattr(widgets, "run_batch", late)
+    monkeypatch.setattr(rerun, "run_batch", late)
     figures = Mock(wraps=widgets.learning_figure)
     monkeypatch.setattr(widgets, "learning_figure", figures)
     panel, parts = panel_of()
@@ -98,7 +97,7 @@ def test_a_panel_shows_what_is_stored_then_trains_and_draws_until_it_is_stopped(
 
 def test_a_panel_trains_what_its_sliders_say_on_the_stored_random_numbers(monkeypatch):
     asked = Mock(side_effect=quick)
-    monkeypatch.setattr(widgets, "run_batch", asked)
+    monkeypatch.setattr(rerun, "run_batch", asked)
     panel, parts = panel_of(evolve(TINY, counts={"1-MGVT": 1}))
     for slider, value in zip(panel.widget.children, (1e-4, 0.0, "2-MGVT"), strict=False):
         slider.value = value
@@ -116,27 +115,6 @@ def test_a_panel_trains_what_its_sliders_say_on_the_stored_random_numbers(monkey
 
 
 @pytest.mark.parametrize("name", PAGES)
-def test_the_panel_of_each_page_draws_a_new_curve_of_each_posterior(monkeypatch, name):
-    asked = Mock(side_effect=quick)
-    monkeypatch.setattr(widgets, "run_batch", asked)
-    (here, _), labels = PAGES[name]
-    panel, parts = panel_of_page(name)
-    lambda_, _, posterior = panel.widget.children[:3]
-    assert lambda_.value == slider_thesis(here)["1-MGVT"].lambda_
-    for value, kind in zip((0.0, 1e-8, 1e-3, 0.1), POSTERIORS, strict=True):
-        before = parts["HTML"].value
-        lambda_.value, posterior.value = value, kind
-        assert trained(panel, parts) == "done at 200"
-        assert parts["HTML"].value != before
-        assert f"return of {', '.join(labels)}, {kind}, just now." in parts["HTML"].value
-        settings = asked.call_args.args[0].algorithms["live"]
-        assert (settings.lambda_, settings.family == "gaussian") == (value, kind == "GVT")
-        # which the posterior leaves where it was put
-        assert lambda_.value == value
-    assert [text for text, _ in lambda_.options] == ["0", *(f"10⁻{x}" for x in "⁸⁷⁶⁵⁴³²¹")]
-
-
-@pytest.mark.parametrize("name", PAGES)
 def test_the_panel_of_each_page_trains(name):
     panel, parts = panel_of_page(name)
     before = parts["HTML"].value
@@ -150,5 +128,5 @@ def test_any_error_is_shown_and_the_next_training_runs(monkeypatch):
     assert "every must be" in trained(panel, parts)
     parts["iterations"].value = 300
     assert parts["HTML"].value == before
-    monkeypatch.setattr(widgets, "run_batch", quick)
+    monkeypatch.setattr(rerun, "run_batch", quick)
     assert trained(panel, parts) == "done at 300"

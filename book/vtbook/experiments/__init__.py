@@ -1,5 +1,7 @@
 """The book's experiments: a frozen configuration per figure, offered to the command line."""
 
+from collections.abc import Iterator, Mapping
+
 from vtbook.experiments import (
     cartpole,
     compared,
@@ -16,17 +18,27 @@ from vtlab.experiment import Experiment
 __all__ = ["EXPERIMENTS", "POOLS", "THESIS"]
 
 PAGES = (
-    rooms,
-    cartpole,
-    mountain_car,
-    maze,
-    controls,
-    prior_weight,
-    compared,
-    factorial,
-    recommended,
+    *(rooms, cartpole, mountain_car, maze),
+    *(controls, prior_weight, compared, factorial, recommended),
 )
-EXPERIMENTS: dict[str, Experiment] = {e.name: e for page in PAGES for e in page.EXPERIMENTS}
+
+def experiments_in(value: object) -> Iterator[Experiment]:
+    """An experiment itself, or all those in a tuple or a dictionary."""
+    if isinstance(value, Experiment):
+        yield value
+    elif isinstance(value, tuple | Mapping):
+        for part in value.values() if isinstance(value, Mapping) else value:
+            yield from experiments_in(part)
+
+
+# Whatever a file names without an underscore.
+EXPERIMENTS: dict[str, Experiment] = {
+    experiment.name: experiment
+    for page in PAGES
+    for name, value in vars(page).items()
+    if not name.startswith("_")
+    for experiment in experiments_in(value)
+}
 POOLS = {e.pool.name: e.pool for e in EXPERIMENTS.values()}
 FIGURES = (
     rooms.ROOMS_EVALUATION,
@@ -39,4 +51,4 @@ FIGURES = (
     *maze.MAZE_TARGETS.values(),
 )
 # The figures of the thesis, in both protocols; the other experiments ask why.
-THESIS = {e.name: e for protocols in FIGURES for e in protocols if e.name in EXPERIMENTS}
+THESIS = {experiment.name: experiment for experiment in experiments_in(FIGURES)}

@@ -1,7 +1,5 @@
 """The cartpole experiments (section 6.2.1) with the parameters of appendix A.2.1."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from attrs import evolve
@@ -161,16 +159,4 @@ CARTPOLE_LATE = evolve(
     every=200,
     probes=500,
     probe=StabilityProbe,
-)
-EXPERIMENTS = (
-    *CARTPOLE,
-    CARTPOLE_SLIDERS,
-    CARTPOLE_INGREDIENTS,
-    CARTPOLE_STEPS,
-    CARTPOLE_NOTHING,
-    CARTPOLE_TEXT_SOURCES,
-    CARTPOLE_FEW_SOURCES,
-    *CARTPOLE_OTHER_SOURCES.values(),
-    CARTPOLE_COLLAPSE,
-    CARTPOLE_LATE,
 )

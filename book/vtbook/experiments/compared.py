@@ -5,10 +5,8 @@ from its search space, eight runs each. The setting with the largest mean learni
 runs and recorded iterations, is run again on thirty other tasks.
 """
 
-from __future__ import annotations
-
 import itertools
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any, cast
 
 import numpy as np
@@ -16,6 +14,7 @@ from attrs import evolve, frozen
 
 from vtbook.experiments.cartpole import CARTPOLE
 from vtbook.experiments.mountain_car import CAR, FLOOR
+from vtbook.experiments.protocols import transfer_settings
 from vtbook.experiments.rooms import ROOMS_CHANGE, ROOMS_EVALUATION
 from vtbook.neighbours import (
     HeadsSettings,
@@ -28,7 +27,6 @@ from vtlab.experiment import Algorithm, Experiment
 from vtlab.store import returns
 from vtlib.baselines import DDQNSettings, FineTuning, MellowTDSettings
 from vtlib.rng import generator
-from vtlib.transfer import Settings
 
 BUDGET, TUNING_RUNS, RUNS = 8, 8, 30
 
@@ -102,44 +100,41 @@ class Compared:
 
     def default(self, label: str) -> Algorithm:
         """An algorithm before it is tuned: as the thesis sets it, or as its own source does."""
-        given = self.experiment.algorithms
         if label in ("GVT", "1-MGVT", "3-MGVT"):
-            return given[label]
-        mixture = given["1-MGVT"]
-        assert isinstance(mixture, Settings)
+            return self.experiment.algorithms[label]
+        mixture = transfer_settings(self.experiment, "1-MGVT")
         batch: dict[str, Any] = {"minibatch": mixture.minibatch}
         learner = MellowTDSettings(epsilon_steps=int(0.35 * self.iterations), **batch)
         weighted = {**batch, "lambda_": mixture.lambda_}
-        others: dict[str, Callable[[], Any]] = {
-            "NT": lambda: learner,
-            "DDQN": lambda: DDQNSettings(learner.epsilon_steps, **batch),
-            "fine-tuned": lambda: FineTuning(evolve(learner, epsilon_start=0.02), "mean"),
-            "hierarchical": lambda: HierarchicalSettings(
-                family="gaussian",
-                n_samples=mixture.n_samples,
-                alpha_L=mixture.alpha_L,
-                **weighted,
-            ),
-            "IVON": lambda: IVONSettings(**weighted),
-            "Langevin": lambda: LangevinSettings(**weighted),
-            "heads": lambda: HeadsSettings(**batch),
-            "heads + prior": lambda: HeadsSettings(prior_scale=1.0, **batch),
-            "regression": lambda: RegressionSettings(**batch),
+        steps: dict[str, Any] = {"n_samples": mixture.n_samples, "alpha_L": mixture.alpha_L}
+        defaults: dict[str, Any] = {
+            "NT": learner,
+            "DDQN": DDQNSettings(learner.epsilon_steps, **batch),
+            "fine-tuned": FineTuning(evolve(learner, epsilon_start=0.02), "mean"),
+            "hierarchical": HierarchicalSettings(family="gaussian", **steps, **weighted),
+            "IVON": IVONSettings(**weighted),
+            "Langevin": LangevinSettings(**weighted),
+            "heads": HeadsSettings(**batch),
+            "heads + prior": HeadsSettings(prior_scale=1.0, **batch),
+            "regression": RegressionSettings(**batch),
         }
-        default: Algorithm = others[label]()
+        default: Algorithm = defaults[label]
         return default
 
     def candidates(self, label: str) -> list[Algorithm]:
         """The settings among which an algorithm is tuned, its default first."""
         default = self.default(label)
-        return [default, *(changed(default, values) for values in drawn(label))]
+        return [default, *(changed(default, values) for values in draws(label))]
 
     def tuning(self) -> Experiment:
         """All candidates of all algorithms, on tasks of their own."""
-        each = {x: self.candidates(x) for x in SPACES}
-        algorithms = {candidate(x, k): one for x in each for k, one in enumerate(each[x])}
-        stayed = {x: one for x, one in algorithms.items() if x not in self.diverged}
-        return self._runs("tuning", stayed, TUNING_RUNS)
+        algorithms = {
+            candidate(label, number): algorithm
+            for label in SPACES
+            for number, algorithm in enumerate(self.candidates(label))
+            if candidate(label, number) not in self.diverged
+        }
+        return self._runs("tuning", algorithms, TUNING_RUNS)
 
     def judged(self) -> Experiment:
         """Each algorithm with the setting that was chosen for it, on other tasks."""
@@ -166,7 +161,7 @@ def candidate(label: str, number: int) -> str:
     return f"{label}, setting {number}"
 
 
-def drawn(label: str) -> list[dict[str, Any]]:
+def draws(label: str) -> list[dict[str, Any]]:
     """The settings drawn from an algorithm's space, the same in all environments."""
     space = SPACES[label]
     every = list(itertools.product(*space.values()))
@@ -214,4 +209,4 @@ ENVIRONMENTS = (
         first=200,
     ),
 )
-EXPERIMENTS = tuple(of for one in ENVIRONMENTS for of in (one.tuning(), one.judged()))
+EXPERIMENTS = tuple((place.tuning(), place.judged()) for place in ENVIRONMENTS)

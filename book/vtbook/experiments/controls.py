@@ -71,4 +71,3 @@ CONTROLS = {
     "mountain_car": control(CAR.published, 40, 10_000),
     "mazes": control(MAZE_TARGETS[MAIN].published, 10, 10_000),
 }
-EXPERIMENTS = tuple(CONTROLS.values())

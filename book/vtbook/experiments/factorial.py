@@ -4,18 +4,16 @@ The settings are those that tuning has chosen for 1-MGVT. From them depart the s
 the number of its components, and the operator; nothing is tuned again.
 """
 
-from __future__ import annotations
-
 import itertools
 
 import numpy as np
 from attrs import asdict, evolve
 
 from vtbook.experiments.compared import ENVIRONMENTS
+from vtbook.experiments.protocols import transfer_settings
 from vtbook.neighbours import UnstartedSettings
 from vtlab.experiment import Algorithm
 from vtlib.baselines import FineTuning, MellowTDSettings
-from vtlib.transfer import Settings
 
 ROOMS, RUNS = ENVIRONMENTS[0], 20
 STARTS = ("nothing", "sources", "mean")
@@ -36,8 +34,7 @@ PARTS = {
 
 def algorithm(start: str, posterior: str, operator: str) -> Algorithm:
     """The algorithm of a combination."""
-    tuned = ROOMS.judged().algorithms["1-MGVT"]
-    assert isinstance(tuned, Settings)
+    tuned = transfer_settings(ROOMS.judged(), "1-MGVT")
     kappa = OPERATORS[operator]
     if posterior == "point":
         learner = MellowTDSettings(
@@ -63,11 +60,11 @@ FACTORIAL = evolve(
     name=NAME,
     stream=NAME,
     algorithms={
-        ", ".join(one): algorithm(*one) for one in itertools.product(STARTS, POSTERIORS, OPERATORS)
+        ", ".join(parts): algorithm(*parts)
+        for parts in itertools.product(STARTS, POSTERIORS, OPERATORS)
     },
     runs=RUNS,
 )
-EXPERIMENTS = (FACTORIAL,)
 
 
 def effects(part: str) -> np.ndarray:

@@ -1,7 +1,5 @@
 """Grids of settings around the thesis', over which a page has sliders."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Mapping, Sequence
@@ -52,15 +50,11 @@ def slider_thesis(experiment: Experiment) -> dict[str, Settings]:
 
 
 def sliders_of(
-    experiment: Experiment,
-    name: str,
-    runs: int,
-    iterations: int,
-    lambdas: Sequence[float] | None = None,
+    experiment: Experiment, name: str, runs: int, iterations: int, lambdas: Sequence[float] = ()
 ) -> Experiment:
     """The settings of the sliders around GVT and 1-MGVT, on an experiment's first runs or tasks.
 
-    lambdas: those of the sliders, ``slider_lambdas`` of 1-MGVT by default. Raises
+    The values of lambda are those of ``slider_lambdas`` for 1-MGVT where none are given. Raises
     ValueError when the experiment lacks GVT or 1-MGVT.
     """
     thesis = slider_thesis(experiment)

@@ -1,7 +1,5 @@
 """The maze experiments (section 6.3) with the parameters of appendix A.2.3, in both protocols."""
 
-from __future__ import annotations
-
 from attrs import evolve
 
 from vtbook.experiments.grids import sliders_of
@@ -131,16 +129,4 @@ MAZE_STOPS = evolve(
 )
 MAZE_SLIDERS = sliders_of(
     MAZE_TARGETS[MAIN].published, "maze-8-sliders", runs=5, iterations=ITERATIONS
-)
-
-EXPERIMENTS = (
-    *(x for n in TARGETS for x in (MAZE_TARGETS[n].published, MAZE_NOTHING[n])),
-    *(MAZE_TARGETS[n].equations for n in TARGETS),
-    MAZE_ANY_SOURCES,
-    MAZE_INGREDIENTS,
-    MAZE_ONE_AT_A_TIME,
-    MAZE_ANY_EARLY,
-    MAZE_SOLVED,
-    MAZE_STOPS,
-    MAZE_SLIDERS,
 )

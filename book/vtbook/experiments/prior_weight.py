@@ -48,4 +48,3 @@ PRIOR_WEIGHT = {
     "rooms_distribution_change": weighted(ROOMS_CHANGE.published, 60),
     "rooms_likelihood": weighted(ROOMS_LIKELIHOOD.published, 76, 4),
 }
-EXPERIMENTS = tuple(PRIOR_WEIGHT.values())

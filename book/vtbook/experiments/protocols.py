@@ -5,8 +5,6 @@ in a few places. Each is a field of ``Settings``, ``Experiment`` or a task famil
 posterior are here.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import NamedTuple
 

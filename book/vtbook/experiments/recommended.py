@@ -4,19 +4,17 @@ Its runs share tasks, sources and random numbers with those of the algorithms be
 were tuned, with the tuned ones (``compared``), elsewhere with those of the page.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 from attrs import evolve
 
 from vtbook.experiments.compared import ENVIRONMENTS
 from vtbook.experiments.mountain_car import CAR
+from vtbook.experiments.protocols import transfer_settings
 from vtbook.neighbours.repeated import RepeatedTuning
 from vtlab.experiment import Algorithm, Experiment
 from vtlib.baselines import FineTuning
 from vtlib.recommended import Recommended
-from vtlib.transfer import Settings
 
 OURS = "recommended"
 CAR_ITERATIONS = 5_000  # the page's runs are longer
@@ -42,7 +40,7 @@ def _in_parts(experiment: Experiment, **fields: Any) -> Experiment:
     return _beside(experiment, algorithms=algorithms, **fields)
 
 
-ROOMS, CHANGED, POLES, CARS = (one.judged() for one in ENVIRONMENTS)
+ROOMS, CHANGED, POLES, CARS = (place.judged() for place in ENVIRONMENTS)
 TUNED = (
     _in_parts(ROOMS),
     _beside(CHANGED),
@@ -51,8 +49,7 @@ TUNED = (
 )
 # Why it loses there, asked after it had: its best rival with the method's step on the means, a
 # thousandth of the weights' size, which is about five, and with its minibatch.
-_RIVAL = CARS.algorithms["3-MGVT"]
-assert isinstance(_RIVAL, Settings)
+_RIVAL = transfer_settings(CARS, "3-MGVT")
 LOST = _beside(
     CARS,
     name="mountain-car-compared-lost",
@@ -62,4 +59,3 @@ LOST = _beside(
     },
 )
 MOUNTAIN_CAR = _beside(CAR.published, iterations=CAR_ITERATIONS)
-EXPERIMENTS = (*TUNED, LOST, MOUNTAIN_CAR)

@@ -1,7 +1,5 @@
 """The rooms experiments (section 6.1) with the parameters of appendix A.1, in both protocols."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 
@@ -77,45 +75,39 @@ def _protocols(
 THREE_ROOMS = Pool("rooms-3-sources", RoomsFamily(rooms=3))
 ROOMS_EVALUATION = _protocols("rooms-evaluation", THREE_ROOMS, RoomsFamily(rooms=3), 3)
 
+PUBLISHED: dict[str, Algorithm] = {"GVT": PUBLISHED_GVT, "1-MGVT": PUBLISHED_MGVT}
 # By the name of a page's experiment: its settings with one ingredient changed, and its frontier.
 INGREDIENTS: dict[str, Experiment] = {}
 FRONTIERS: dict[str, Experiment] = {}
 
 
-def stopping(experiment: Experiment) -> RoomsFamily:
-    """An experiment's rooms with the text's frontier, which stops agents."""
-    assert isinstance(experiment.family, RoomsFamily)
-    return evolve(experiment.family, stops=True)
-
-
-def _one_at_a_time(both: Protocols, **fields: Any) -> None:
+def _one_at_a_time(both: Protocols, count: int | None = None, **fields: Any) -> None:
     """From the published settings to those of the equations, one ingredient at a time.
 
-    And with the lambda by which the other method's prior pulls as hard, lambda / sigma^2.
+    And with the lambda by which the other method's prior pulls as hard, lambda / sigma^2. count: of
+    sources, all of them by default.
     """
     algorithms: dict[str, Algorithm] = {
+        **PUBLISHED,
         **one_at_a_time(PUBLISHED_GVT, PUBLISHED_MGVT),
         "GVT, lambda 1e-4": evolve(PUBLISHED_GVT, lambda_=GVT.lambda_),
         "GVT, lambda 1e-5": evolve(PUBLISHED_GVT, lambda_=1e-5),
         "1-MGVT, lambda 1e-4": evolve(PUBLISHED_MGVT, lambda_=1e-4),
     }
-    published = {"GVT": PUBLISHED_GVT, "1-MGVT": PUBLISHED_MGVT}
-    counts = fields.pop("counts", {})
-    name = both.published.name
-    INGREDIENTS[name] = evolve(
-        both.published,
-        name=f"{name}-ingredients",
-        algorithms={**published, **algorithms},
-        counts=dict.fromkeys((*published, *algorithms), counts) if counts else {},
-        **fields,
-    )
-    FRONTIERS[name] = evolve(
-        INGREDIENTS[name],
-        name=f"{name}-frontier",
-        family=stopping(INGREDIENTS[name]),
-        algorithms=published,
-        counts=dict.fromkeys(published, counts) if counts else {},
-    )
+    published, family = both.published, both.published.family
+    assert isinstance(family, RoomsFamily)
+    for experiments, name, rooms, changes in (
+        (INGREDIENTS, "ingredients", family, algorithms),
+        (FRONTIERS, "frontier", evolve(family, stops=True), PUBLISHED),
+    ):
+        experiments[published.name] = evolve(
+            published,
+            name=f"{published.name}-{name}",
+            family=rooms,
+            algorithms=changes,
+            counts=dict.fromkeys(changes, count) if count else {},
+            **fields,
+        )
 
 
 # Half as far as the figure: the thesis compares GVT and 1-MGVT at 5,000 iterations.
@@ -125,17 +117,11 @@ ROOMS_INGREDIENTS = evolve(
     ROOMS_EVALUATION.published,
     name="rooms-ingredients",
     algorithms={
-        "GVT": PUBLISHED_GVT,
-        "GVT, no clip": evolve(PUBLISHED_GVT, kl_clip=None),
-        "GVT, from the prior": evolve(PUBLISHED_GVT, init="sources"),
-        "GVT, covariance with n": evolve(PUBLISHED_GVT, ddof=0),
+        **PUBLISHED,
+        **one_at_a_time(PUBLISHED_GVT, PUBLISHED_MGVT),
         "GVT, lambda 1e-4": evolve(PUBLISHED_GVT, lambda_=GVT.lambda_),
         "GVT, lambda 1e-6": evolve(PUBLISHED_GVT, lambda_=MGVT.lambda_),
         "GVT, from the prior, no clip": evolve(PUBLISHED_GVT, init="sources", kl_clip=None),
-        "1-MGVT": PUBLISHED_MGVT,
-        "1-MGVT, from a source": evolve(PUBLISHED_MGVT, init="sources"),
-        "1-MGVT, exact responsibilities": evolve(PUBLISHED_MGVT, responsibilities="exact"),
-        "1-MGVT, full KL": evolve(PUBLISHED_MGVT, kl="full"),
         "1-MGVT, lambda 1e-3": evolve(PUBLISHED_MGVT, lambda_=PUBLISHED_GVT.lambda_),
     },
     iterations=INGREDIENT_ITERATIONS,
@@ -163,7 +149,7 @@ ROOMS_FRONTIER = evolve(
     ROOMS_INGREDIENTS,
     name="rooms-frontier",
     family=ROOMS_EVALUATION.equations.family,
-    algorithms={"GVT": PUBLISHED_GVT, "1-MGVT": PUBLISHED_MGVT},
+    algorithms=PUBLISHED,
 )
 ROOMS_RETRAINED = evolve(
     ROOMS_FRONTIER,
@@ -228,13 +214,13 @@ SOURCE_COUNTS = tuple(range(2, 11))
 def _by_count(experiment: Experiment, numbers: Sequence[int] = SOURCE_COUNTS) -> Experiment:
     """Every algorithm that knows how many sources there are, with each number of them."""
     counted = {
-        label: one
-        for label, one in experiment.algorithms.items()
-        if one.transfers and label not in (FINE_TUNED, FINE_TUNED_GREEDY)  # of one source
+        label: algorithm
+        for label, algorithm in experiment.algorithms.items()
+        if algorithm.transfers and label not in (FINE_TUNED, FINE_TUNED_GREEDY)  # of one source
     }
     return evolve(
         experiment,
-        algorithms={count_name(x, n): one for x, one in counted.items() for n in numbers},
+        algorithms={count_name(x, n): counted[x] for x in counted for n in numbers},
         counts={count_name(x, n): n for x in counted for n in numbers},
     )
 
@@ -243,7 +229,7 @@ _COUNTED = _protocols(
     "rooms-number-of-sources", TWO_ROOMS, RoomsFamily(rooms=2), 2, iterations=1_950, every=50
 )
 ROOMS_SOURCES = Protocols(*map(_by_count, _COUNTED))
-_one_at_a_time(_COUNTED, counts=2)
+_one_at_a_time(_COUNTED, count=2)
 # Learners that know of one source, or of none.
 ROOMS_SOURCES_ALONE = evolve(
     _COUNTED.published,
@@ -289,26 +275,4 @@ ROOMS_CALIBRATION = evolve(
     every=500,
     probes=500,
     probe=CoverageProbe,
-)
-
-EXPERIMENTS = (
-    *ROOMS_EVALUATION,
-    *ROOMS_CHANGE,
-    *ROOMS_EXPLORATION,
-    *ROOMS_LIKELIHOOD,
-    *ROOMS_SOURCES,
-    ROOMS_INGREDIENTS,
-    ROOMS_DEVIATIONS,
-    ROOMS_FRONTIER,
-    ROOMS_RETRAINED,
-    ROOMS_CORNER,
-    *INGREDIENTS.values(),
-    *FRONTIERS.values(),
-    ROOMS_SOURCES_ALONE,
-    ROOMS_CALIBRATION,
-    ROOMS_EVALUATION_SLIDERS,
-    ROOMS_CHANGE_SLIDERS,
-    ROOMS_EXPLORATION_SLIDERS,
-    ROOMS_LIKELIHOOD_SLIDERS,
-    ROOMS_SOURCES_SLIDERS,
 )

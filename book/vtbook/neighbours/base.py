@@ -1,7 +1,5 @@
 """What the neighbours share: settings of the TD error, a replay buffer, and greedy acting."""
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from typing import Any, ClassVar
 

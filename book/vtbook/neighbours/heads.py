@@ -66,14 +66,14 @@ class Heads(Learner):
 
     def _acting(self, fresh: Tensor) -> Tensor:
         heads = self.mu.shape[1]
-        drawn = self._choice.uniform(1)[:, 0].mul(heads).long().clamp_(max=heads - 1)
-        self._head = torch.where(fresh, drawn, self._head)
+        head = self._choice.uniform(1)[:, 0].mul(heads).long().clamp_(max=heads - 1)
+        self._head = torch.where(fresh, head, self._head)
         return self.mu[self._rows, self._head].unsqueeze(1)
 
     def _prior(self, x: Tensor) -> Tensor:
         """Prior functions (R, K, A, B) at prepared observations."""
-        one, other = self._disagree.unbind(1)
-        return self._q.q(one, x) - self._q.q(other, x)
+        first, second = self._disagree.unbind(1)
+        return self._q.q(first, x) - self._q.q(second, x)
 
     def _descend(self, batch: Transition) -> None:
         self.mu.grad = self._gradients(self.mu, batch)

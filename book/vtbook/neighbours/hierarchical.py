@@ -1,7 +1,5 @@
 """Hierarchical Bayes over source weights: what a new task's weights are, predicted from them."""
 
-from __future__ import annotations
-
 import torch
 from attrs import frozen
 from scipy.optimize import brentq
@@ -39,7 +37,7 @@ class PredictivePrior(GaussianPrior):
 
     def __init__(self, sources: Tensor) -> None:
         scatter, count = scatter_of(sources), sources.shape[-2]
-        psi = torch.stack([evidence_psi(one) for one in scatter]).view(-1, 1, 1)
+        psi = torch.stack([evidence_psi(run) for run in scatter]).view(-1, 1, 1)
         kappa = KAPPA0 + count
         scale = (kappa + 1) / (kappa * (count + 1))
         self.mu = sources.mean(-2, keepdim=True) * (count / kappa)

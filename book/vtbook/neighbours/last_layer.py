@@ -1,7 +1,5 @@
 """A Q-function's last layer, in whose weights it is linear, and the features that they multiply."""
 
-from __future__ import annotations
-
 import torch
 from torch import Tensor
 

@@ -94,9 +94,9 @@ class Regression(Learner):
         for action in range(q.n_actions):
             at = slice(action * m, (action + 1) * m)
             # A sum of 5,000 squares / noise^2 in floats need not be positive definite.
-            seen = phi.double() * (batch.action == action).unsqueeze(1) / s.noise
-            A[:, at, at] += seen @ seen.mT
-            b[:, at] += (seen @ target.double().unsqueeze(-1)).squeeze(-1) / s.noise
+            inputs = phi.double() * (batch.action == action).unsqueeze(1) / s.noise
+            A[:, at, at] += inputs @ inputs.mT
+            b[:, at] += (inputs @ target.double().unsqueeze(-1)).squeeze(-1) / s.noise
         return A, b
 
     def _draw(self, A: Tensor, b: Tensor) -> None:

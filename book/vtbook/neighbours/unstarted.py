@@ -29,13 +29,13 @@ class UnstartedSettings(Settings):
         rng.check_rows(len(sources))
         first = rng.stream("first weights").normal(self.components * q.d)
         first = self.scale * first.view(-1, self.components, q.d)
-        given = torch.cat([first.to(sources.device), sources], 1)
-        return VariationalTransfer(q, given, obs_dim, self, rng)
+        both = torch.cat([first.to(sources.device), sources], 1)
+        return VariationalTransfer(q, both, obs_dim, self, rng)
 
     def prior(self, sources: Tensor) -> UnstartedPrior:
         """The prior learned from sources (R, S, d), which come after as many first weights as C."""
-        first, given = sources.tensor_split([self.components], 1)
-        return UnstartedPrior(first, given, self.sigma_p2, self.responsibilities)
+        first, own = sources.tensor_split([self.components], 1)
+        return UnstartedPrior(first, own, self.sigma_p2, self.responsibilities)
 
 
 class UnstartedPrior(MixturePrior):

@@ -5,8 +5,6 @@ before the runs that they judge here; those of three rooms and of maze 8, as pub
 with them, so that which came first cannot be told. The scorecard has the whole table.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 
 from vtbook.claims import Claim

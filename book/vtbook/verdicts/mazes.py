@@ -4,8 +4,6 @@ Whoever set the bounds knew the published curves. Those of the main maze were co
 with its runs as published, and before its runs by the equations and those of the other mazes.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from attrs import evolve
@@ -27,23 +25,10 @@ def mazes() -> list[Claim]:
 
 
 def _of(number: int, mixtures: Sequence[str]) -> list[Claim]:
-    printed = "maze-main" if number == MAIN else f"maze-{number}"
-    figure = Figure(MAZE_TARGETS[number]._asdict(), printed)
+    figure = Figure(MAZE_TARGETS[number]._asdict(), f"maze-{number}")
     claims = [
-        figure.claim(
-            "GVT fails.",
-            f"learning return at {END:,}, of the optimum",
-            lambda a: a.share(END),
-            "GVT",
-            high=0.1,
-        ),
-        figure.ahead(
-            "GVT shows negative transfer.",
-            "GVT",
-            "DDQN",
-            END,
-            high=0.0,
-        ),
+        *figure.earns("{} fails.", ("GVT",), END, high=0.1),
+        *figure.ahead("{} shows negative transfer.", ("GVT",), ("DDQN",), END, high=0.0),
         figure.claim(
             "What GVT can do at the beginning, it loses.",
             f"learning return at {END:,} minus that at {START}, of the optimum",
@@ -51,27 +36,8 @@ def _of(number: int, mixtures: Sequence[str]) -> list[Claim]:
             "GVT",
             high=0.0,
         ),
-        *(
-            figure.ahead(
-                f"{x} learns faster than {other}.",
-                x,
-                other,
-                END,
-                low=0.0,
-            )
-            for x in mixtures
-            for other in ("GVT", "DDQN")
-        ),
-        *(
-            figure.claim(
-                f"{x} has no good jump-start.",
-                f"learning return at {START}, of the optimum",
-                lambda a: a.share(START),
-                x,
-                high=0.25,
-            )
-            for x in mixtures
-        ),
+        *figure.ahead("{} learns faster than {}.", mixtures, ("GVT", "DDQN"), END, low=0.0),
+        *figure.earns("{} has no good jump-start.", mixtures, START, high=0.25),
         *(
             figure.claim(
                 f"Some runs of {x} come to the optimum.",
@@ -84,13 +50,7 @@ def _of(number: int, mixtures: Sequence[str]) -> list[Claim]:
             )
             for x in mixtures
         ),
-        figure.claim(
-            "DDQN does not converge to the optimum.",
-            f"learning return at {END:,}, of the optimum",
-            lambda a: a.share(END),
-            "DDQN",
-            high=OPTIMAL,
-        ),
+        *figure.earns("{} does not converge to the optimum.", ("DDQN",), END, high=OPTIMAL),
         *(
             figure.claim(
                 f"Sources solved by DDQN leave {x} level with DDQN or ahead of it.",
@@ -106,15 +66,8 @@ def _of(number: int, mixtures: Sequence[str]) -> list[Claim]:
     ]
     if len(mixtures) == 1:
         return claims
+    alike = "Three components gain as much as one."
     return [
         *claims,
-        figure.ahead(
-            "Three components gain as much as one.",
-            "3-MGVT",
-            "1-MGVT",
-            END,
-            low=-0.15,
-            high=0.15,
-            ours=True,
-        ),
+        *figure.ahead(alike, ("3-MGVT",), ("1-MGVT",), END, low=-0.15, high=0.15, ours=True),
     ]
