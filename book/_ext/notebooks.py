@@ -53,7 +53,7 @@ FENCED = re.compile(r"^```.*?^```$", re.DOTALL | re.MULTILINE)
 
 def is_page(path: Path) -> bool:
     """Whether a source is one that a reader opens in JupyterLab; the reference is no such page."""
-    return path.suffix == ".md" and not path.stem.startswith(("api", "gallery", "references"))
+    return path.suffix == ".md" and not path.stem.startswith(("api", "references"))
 
 
 def file_name(env: Any, docname: str) -> str:
