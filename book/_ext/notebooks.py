@@ -17,8 +17,7 @@ from typing import Any
 
 import nbformat
 from docutils import nodes
-from in_parallel import read_page
-from jupyter_cache import get_cache
+from in_parallel import executed
 from myst_nb.sphinx_ import NbMetadataCollector
 from nbformat import NotebookNode
 from plain_markdown import Filling, caption, plain
@@ -103,15 +102,6 @@ def filling(app: Any, docname: str, values: Mapping[str, str]) -> Filling:
         return (Path(env.doc2path(docname)).parent / path).read_text(encoding="utf-8")
 
     return Filling(link, number, read, config.mathjax3_config["tex"]["macros"])
-
-
-def executed(app: Any, docname: str) -> NotebookNode | None:
-    """A page with the outputs that the execution cache has of it; None for one without cells."""
-    page = read_page(app.env, docname)
-    if page is None:
-        return None
-    _, merged = get_cache(app.config.nb_execution_cache_path).merge_match_into_notebook(page)
-    return merged
 
 
 def numbers_of(page: NotebookNode) -> dict[str, str]:
