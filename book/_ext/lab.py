@@ -45,24 +45,25 @@ def copy_pages(built: Path = BUILT, folder: Path = FOLDER) -> list[str]:
     pages = sorted(built.glob("*.*"))
     if not pages:
         raise FileNotFoundError(f"no notebooks in {built}: make book builds them")
-    for needed in (folder, Path(jupyter_data_dir())):  # the notary keeps its key in the second
-        needed.mkdir(parents=True, exist_ok=True)
+    data = Path(jupyter_data_dir())  # where the notary keeps its key
+    for path in (folder, data):
+        path.mkdir(parents=True, exist_ok=True)
     record = folder / RECORD
-    known = json.loads(record.read_text()) if record.exists() else {}
-    notary, changed = NotebookNotary(data_dir=jupyter_data_dir()), []
+    digests = json.loads(record.read_text()) if record.exists() else {}
+    notary, changed = NotebookNotary(data_dir=str(data)), []
     for page in pages:
-        copy, new = folder / page.name, without_needs(page.read_text(encoding="utf-8"))
-        if copy.exists():
-            left, brought = sources(copy.read_text(encoding="utf-8")), sources(new)
-            if left not in (known.get(page.name), brought):
-                changed.append(page.name)
-            if left != known.get(page.name) or left == brought:
-                continue  # a reader's changes stay, and so do outputs of a page that is the same
-        copy.write_text(new, encoding="utf-8")
-        known[page.name] = sources(new)
+        copy, text = folder / page.name, without_needs(page.read_text(encoding="utf-8"))
+        present = digest(copy.read_text(encoding="utf-8")) if copy.exists() else None
+        if present == digest(text):
+            continue  # the reader keeps the outputs of a page that is the same
+        if present not in (None, digests.get(page.name)):
+            changed.append(page.name)
+            continue
+        copy.write_text(text, encoding="utf-8")
+        digests[page.name] = digest(text)
         if page.suffix == ".ipynb":
-            notary.sign(nbformat.reads(new, as_version=4))
-    record.write_text(json.dumps(known, indent=1))
+            notary.sign(nbformat.reads(text, as_version=4))
+    record.write_text(json.dumps(digests, indent=1))
     return changed
 
 
@@ -75,8 +76,8 @@ def without_needs(page: str) -> str:
     return nbformat.writes(notebook)
 
 
-def sources(page: str) -> str:
-    """A digest of what a reader may edit of a page: to run a notebook changes its file, too."""
+def digest(page: str) -> str:
+    """A digest of what a reader may edit of a page: running a notebook changes only its outputs."""
     if page.startswith("{"):
         page = "\0".join(cell.source for cell in nbformat.reads(page, as_version=4).cells)
     return hashlib.sha256(page.encode()).hexdigest()
