@@ -162,6 +162,6 @@ def test_what_a_reader_changed_stays_and_what_was_only_run_does_not_count(copies
 
 
 def test_without_a_built_book_one_line_says_what_to_do(extension, tmp_path):
-    with pytest.raises(FileNotFoundError, match="make book"):
+    with pytest.raises(SystemExit, match="make book"):
         extension("lab").copy_pages(tmp_path / "none", tmp_path / "notebooks")
     assert not (tmp_path / "notebooks").exists()

@@ -130,11 +130,8 @@ def write_defaults(
     if not (what == "class" and attrs.has(obj) and signature):
         return None
     fields = attrs.fields_dict(obj)
-
-    def default(found: re.Match) -> str:
-        return repr(fields[found[1]].default)
-
-    signature = re.sub(r"attr_dict\['(\w+)'\]\.default", default, signature)
+    generated = re.compile(r"attr_dict\['(\w+)'\]\.default")
+    signature = generated.sub(lambda match: repr(fields[match[1]].default), signature)
     return signature.replace("= NOTHING", "= ..."), returns
 
 

@@ -105,7 +105,3 @@ def setup(app: Any) -> dict[str, Any]:
     """Register with Sphinx, early enough for mathjax and myst-nb to see the settings."""
     app.connect("config-inited", use_local_assets, priority=100)
     return {"parallel_read_safe": True, "parallel_write_safe": True}
-
-
-if __name__ == "__main__":
-    fetch()

@@ -39,12 +39,12 @@ SETTINGS = {
 def copy_pages(built: Path = BUILT, folder: Path = FOLDER) -> list[str]:
     """Copy each page whose text and code its reader has not changed; the names of the others.
 
-    Copies are signed, for JupyterLab shows no sliders of a notebook that it does not trust. Raises
-    FileNotFoundError where the book is not built.
+    Copies are signed, for JupyterLab shows no sliders of a notebook that it does not trust. Where
+    the book is not built the program ends and says so.
     """
     pages = sorted(built.glob("*.*"))
     if not pages:
-        raise FileNotFoundError(f"no notebooks in {built}: make book builds them")
+        raise SystemExit(f"no notebooks in {built}: make book builds them")
     data = Path(jupyter_data_dir())  # where the notary keeps its key
     for path in (folder, data):
         path.mkdir(parents=True, exist_ok=True)
@@ -87,17 +87,12 @@ def write_settings() -> None:
     """JupyterLab's settings for the pages, below those that a reader makes there."""
     folder = Path(jupyter_config_dir()) / "labconfig"
     folder.mkdir(parents=True, exist_ok=True)
-    text = json.dumps(SETTINGS, indent=1)
-    (folder / "default_setting_overrides.json").write_text(text)
+    (folder / "default_setting_overrides.json").write_text(json.dumps(SETTINGS, indent=1))
 
 
 def main(options: list[str]) -> None:
     """Command line."""
-    try:
-        changed = copy_pages()
-    except FileNotFoundError as error:
-        raise SystemExit(str(error)) from None
-    if changed:
+    if changed := copy_pages():
         print(f"    As you left them, though the book has others now: {', '.join(changed)}.")
         print("    Delete or rename one, and the next make lab brings the book's.", flush=True)
     write_settings()

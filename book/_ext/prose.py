@@ -18,12 +18,10 @@ from proselint.registry import CheckRegistry
 from proselint.tools import LintFile
 
 ROOT = Path(__file__).resolve().parents[2]
-PAGES = (
-    *sorted((ROOT / "book").glob("*.md")),
-    *(ROOT / name for name in ("README.md", "CONTRIBUTING.md")),
-)
+PAGES = [*sorted((ROOT / "book").glob("*.md")), ROOT / "README.md", ROOT / "CONTRIBUTING.md"]
 SYNTAX = MdParserConfig(enable_extensions={"amsmath", "attrs_inline", "colon_fence", "dollarmath"})
 PARSER = create_md_parser(SYNTAX, RendererHTML)
+CheckRegistry().register_many(__register__)
 # What other directives hold is prose, and so are the captions in the settings of cells.
 CODE = ("{literalinclude}", "{bibliography}", "{toctree}", "{raw}", "{eval-rst}")
 # Checks of proselint that are not made, each with its reason.
@@ -54,9 +52,6 @@ def prose(text: str, first: int = 1) -> Iterator[tuple[int, str]]:
 
 def faults(name: str, text: str) -> Iterator[str]:
     """What is wrong with a text, as lines 'name:line: check: advice'."""
-    registry = CheckRegistry()
-    if not registry.checks:
-        registry.register_many(__register__)
     lines = [""] * (text.count("\n") + 1)
     for line, piece in prose(text):
         lines[line - 1] += piece
