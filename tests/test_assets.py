@@ -13,8 +13,6 @@ import pytest
 from attrs import evolve
 from nbformat.v4 import new_code_cell, new_notebook
 
-from vtbook import plots
-
 
 @pytest.fixture
 def assets(extension):
@@ -67,15 +65,6 @@ def test_without_its_scripts_no_build_is_begun(extension, monkeypatch, tmp_path,
     assert capsys.readouterr().out.endswith("The book was not built.\n")
     assert not started.mock_calls
     assert not [*tmp_path.iterdir()]
-
-
-def test_a_figure_that_is_cut_off_fails_the_build(extension, monkeypatch, tmp_path):
-    build, ran = extension("build"), Mock(return_value=Mock(returncode=0))
-    monkeypatch.delenv(plots.CHECKED)  # which these tests have
-    monkeypatch.setattr(build, "have_assets", lambda online: True)
-    monkeypatch.setattr(build.subprocess, "run", ran)
-    assert build.build(fresh=False, results=tmp_path) == 0
-    assert ran.call_args.kwargs["env"][plots.CHECKED] == "1"
 
 
 def test_the_cache_key_follows_what_pages_depend_on(extension, tmp_path):

@@ -46,7 +46,6 @@ async def run_all(pages: dict[Path, NotebookNode], timeout: int) -> list[float]:
     """Run pages side by side, in their order; the seconds that each took."""
     if not pages:
         return []
-    # The tests lend the build more processors while it runs: those of the machine count.
     room = asyncio.Semaphore(min(os.cpu_count() or 1, AT_MOST))
     with forked() as manager:
         how = {"timeout": timeout, "kernel_manager_class": manager}
