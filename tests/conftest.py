@@ -17,7 +17,6 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
-import psutil
 import pytest
 
 from vtbook import plots, widgets
@@ -36,53 +35,41 @@ FIRST = "gw0"  # of the processes that share the tests; it starts the build
 LOG, STATUS, GROUP = (ROOT / "_build" / f"test-build.{x}" for x in ("log", "status", "group"))
 BUILD_LIMIT = 1800  # seconds
 PATIENCE = 180_000  # milliseconds that a page may take on a busy machine
-CORES = sorted(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else []
 CELL = re.compile(r"```\{code-cell\} python3\n(?:---\n(.*?)\n---\n)?(.*?)```", re.DOTALL)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Files with tests that ask for the book come last: a file's tests share a process."""
-    wanted = {x.path for x in items if "build_faults" in getattr(x, "fixturenames", ())}
-    items.sort(key=lambda item: item.path in wanted)
+    """Files with tests that need the book come last: a file's tests share a process."""
+    files = {item.path for item in items if needs_book(item)}
+    items.sort(key=lambda item: item.path in files)
 
 
 def pytest_collection_finish(session: pytest.Session) -> None:
-    """Begin to build the book where a test that was selected asks for it."""
-    wanted = any("build_faults" in getattr(x, "fixturenames", ()) for x in session.items)
-    if not wanted or BUILT in os.environ or session.config.option.collectonly:
+    """Begin to build the book where a test that was selected needs it."""
+    if BUILT in os.environ or session.config.option.collectonly:
         return
-    # until it is done the build has half of them: more processes than processors slow each other
-    middle = len(CORES) // 2
-    if os.environ.get("PYTEST_XDIST_WORKER", FIRST) == FIRST:
-        keep_to(CORES[:middle])
+    first = os.environ.get("PYTEST_XDIST_WORKER", FIRST) == FIRST
+    if first and any(map(needs_book, session.items)):
         start_build()
-    keep_to(CORES[middle:] if hasattr(session.config, "workerinput") else CORES)
 
 
-def keep_to(cores: list[int]) -> None:
-    """Let this process and its children use some processors, where the system can."""
-    if cores:
-        os.sched_setaffinity(0, cores)
+def needs_book(item: pytest.Item) -> bool:
+    """Whether a test looks at the built pages."""
+    return "build_faults" in getattr(item, "fixturenames", ())
 
 
 def start_build() -> None:
-    """Begin to build the book, once; how that ended will be in a file of its own."""
+    """Begin to build the book; its exit status will be in a file, which all processes can read."""
     LOG.parent.mkdir(exist_ok=True)
     STATUS.unlink(missing_ok=True)
-    # where scripts cannot be fetched the tests of them are skipped
+    # Where the browser scripts cannot be fetched, the tests that need them are skipped.
     command = [sys.executable, str(ROOT / "book/_ext/build.py"), "--fresh", "--online"]
     shell = ["sh", "-c", '"$@"; echo $? > "$0"', str(STATUS), *command]
     with LOG.open("w") as out:
-        # in a group of its own, which can be ended whole
+        # The build is a process group of its own, so that it can be ended with all its children.
         build = subprocess.Popen(shell, cwd=ROOT, stdout=out, stderr=out, process_group=0)
-    build.returncode = 0  # nobody waits for it here: other processes may
+    build.returncode = 0  # Python would warn of a process for which it has not waited
     GROUP.write_text(str(build.pid))
-
-
-def pytest_runtest_setup() -> None:
-    """Take back the processor of a build that is done."""
-    if STATUS.exists():
-        keep_to(CORES)
 
 
 def pytest_sessionfinish(session: pytest.Session) -> None:
@@ -158,9 +145,6 @@ def build_faults() -> list[str]:
     if BUILT in os.environ:
         return []
     until = time.monotonic() + BUILD_LIMIT
-    with contextlib.suppress(psutil.NoSuchProcess):  # who waits lends the build a processor
-        for one in psutil.Process(int(GROUP.read_text())).children(True) if CORES else ():
-            one.cpu_affinity(CORES)
     while not (STATUS.exists() and (status := STATUS.read_text().strip())):
         assert time.monotonic() < until, "the book takes too long to build"
         time.sleep(0.5)
@@ -208,7 +192,6 @@ def browser():
     if path is None:
         pytest.skip(f"no browser found (looked for {', '.join(BROWSERS)}): apt install chromium")
     sync_api = pytest.importorskip("playwright.sync_api")
-    keep_to(CORES)  # which a browser keeps for as long as it lives
     with sync_api.sync_playwright() as playwright:
         chromium = playwright.chromium.launch(executable_path=path)
         yield chromium

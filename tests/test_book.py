@@ -91,16 +91,6 @@ def test_every_symbol_leads_to_where_it_is_introduced(book):
     assert [x.text for x in places if len(x.find_all("a")) != len(x.text.split(","))] == []
 
 
-def test_the_gallery_shows_every_figure(book):
-    drawn = {
-        f"{path.name}#{figure['id']}"
-        for path in written_pages(book)
-        for figure in soup(path).select("figure[id]")
-    }
-    shown = [link["href"] for link in soup(book / "book" / "gallery.html").select(".gallery a")]
-    assert sorted(shown) == sorted(drawn)
-
-
 def test_pages_with_code_offer_a_notebook_and_say_how_long_they_take(book):
     for path in written_pages(book):
         source = (ROOT / "book" / path.name).with_suffix(".md").read_text(encoding="utf-8")

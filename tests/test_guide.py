@@ -1,9 +1,6 @@
-"""The guide's stored runs are what its script computes, and its first lines run from a wheel."""
+"""The guide's stored runs are what its script computes."""
 
-import os
 import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -15,8 +12,6 @@ from vtlab import store
 from vtlab.cli import main
 
 ROOT = Path(__file__).resolve().parents[1]
-
-
 FOLDER = ROOT / "book" / "results" / runs.NAME
 
 
@@ -73,15 +68,3 @@ def test_a_forged_number_is_named(monkeypatch, tmp_path, capsys):
             store.save(folder / task, found | {key: stored}, note)
             assert main(["verify", "guide", "--whole", "--results", str(root)]) == 1
             assert capsys.readouterr().out.splitlines() == [f"guide/{task}: DIFFERS in {key}"]
-
-
-def python(code: str, folder: Path, **environment: str) -> subprocess.CompletedProcess:
-    """Run Python code in a folder, without the results of this repository."""
-    return subprocess.run(
-        [sys.executable, "-c", code],
-        cwd=folder,
-        env={x: y for x, y in os.environ.items() if x != "VTLIB_RESULTS"} | environment,
-        text=True,
-        capture_output=True,
-        timeout=300,
-    )

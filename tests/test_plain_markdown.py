@@ -45,10 +45,6 @@ def plain(extension):
             "**Table 6.1.** One.\n\n| a |\n| --- |",
         ),
         (
-            "```{list-table}\n:header-rows: 1\n\n* - a\n  - b\n* - {eq}`eq-5-2`\n  - d\n    e\n```",
-            "| a | b |\n| --- | --- |\n| (5.2) | d e |",
-        ),
-        (
             "```{glossary}\n:sorted:\n\nDDQN\n  Learns\n  twice.\n\nVT\n  {term}`mellow TD`.\n```",
             "**DDQN** Learns twice.\n\n**VT** mellow TD.",
         ),

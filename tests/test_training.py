@@ -143,18 +143,3 @@ def test_a_page_has_one_thread_and_whoever_learns_computes_with_one_and_leaves_w
     calls = "solve", "transfer", "evaluate", "DDQN", "1-MGVT"
     told = ["import 1", *(f"{name} 1 2" for name in calls)]
     assert ran.stdout.splitlines() == told, ran.stderr
-
-
-def test_the_loop_computes_with_one_thread_and_leaves_what_was_set():
-    before, seen = torch.get_num_threads(), []
-
-    def evaluate(mu):
-        seen.append(torch.get_num_threads())
-        return first(mu)
-
-    torch.set_num_threads(2)
-    try:
-        train(Counting(), Walk(), evaluate, 40, 20, NAMES)
-        assert (seen, torch.get_num_threads()) == ([1, 1], 2)
-    finally:
-        torch.set_num_threads(before)

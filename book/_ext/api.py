@@ -8,48 +8,52 @@ followed by its equations.
 
 from __future__ import annotations
 
+import fnmatch
 import re
 from collections.abc import Iterator
-from fnmatch import fnmatchcase
 from importlib import import_module
-from pathlib import Path
+from pkgutil import walk_packages
 from typing import Any
 
 import attrs
-from equations import computed_by, formulas
+from equations import EQUATIONS, formulas
 from sphinx.ext.autosummary import Autosummary
 
-ROOT = Path(__file__).resolve().parents[2]
 MODULES = re.compile(r"<!-- modules:(.*?)-->", re.DOTALL)
 FORMULAS = formulas()
 
 
-def modules(root: Path = ROOT) -> list[str]:
+def modules() -> list[str]:
     """Dotted names of the public modules of the three packages, packages before what they hold."""
-    homes = (root, "vtlib"), (root / "book", "vtlab"), (root / "book", "vtbook")
-    paths = (
-        path.relative_to(home).with_suffix("")
-        for home, package in homes
-        for path in (home / package).rglob("*.py")
-    )
-    names = (".".join(path.parts).removesuffix(".__init__") for path in paths)
+    names = ["vtlib", "vtlab", "vtbook"]
+    for package in tuple(names):
+        path = import_module(package).__path__
+        names += [module.name for module in walk_packages(path, f"{package}.")]
     return sorted(name for name in names if "._" not in name)
 
 
 def matching(patterns: str) -> list[str]:
     """Modules that a pattern names and none after a "!" does, in the order of the patterns."""
-    wanted = [one for one in patterns.split() if not one.startswith("!")]
-    others = [one[1:] for one in patterns.split() if one.startswith("!")]
-    found = (name for one in wanted for name in modules() if fnmatchcase(name, one))
-    left = (name for name in found if not any(fnmatchcase(name, one) for one in others))
-    return list(dict.fromkeys(left))
+    excluded = [x[1:] for x in patterns.split() if x.startswith("!")]
+    names = dict.fromkeys(name for x in patterns.split() for name in fnmatch.filter(modules(), x))
+    return [name for name in names if not any(fnmatch.fnmatchcase(name, x) for x in excluded)]
 
 
-def section(name: str) -> str:
-    """Markdown of one module's section: what it defines, not what it passes on."""
+def sections(found: re.Match) -> str:
+    """Markdown of a table of modules, and of the section of each: what it defines itself."""
+    names = matching(found[1])
+    rows = "\n".join(f"   {name}" for name in names)
+    parts = [f"```{{eval-rst}}\n.. modules::\n   :nosignatures:\n\n{rows}\n```\n"]
     options = "   :members:\n   :ignore-module-all:\n"
-    directive = f"```{{eval-rst}}\n.. automodule:: {name}\n{options}```\n"
-    return f"## {name}\n\n{directive}"
+    for name in names:
+        directive = f"```{{eval-rst}}\n.. automodule:: {name}\n{options}```\n"
+        parts.append(f"## {name}\n\n{directive}")
+    return "\n".join(parts)
+
+
+def list_modules(app: Any, docname: str, source: list[str]) -> None:
+    """Put the modules that a page asks for in the place of its comment."""
+    source[0] = MODULES.sub(sections, source[0])
 
 
 class Modules(Autosummary):
@@ -58,22 +62,6 @@ class Modules(Autosummary):
     def import_by_name(self, name: str, prefixes: list[str | None]) -> tuple[str, Any, Any, str]:
         """The module, not what its package has under that name."""
         return name, import_module(name), None, name
-
-
-def overview(names: list[str]) -> str:
-    """Markdown of a table of modules with the first sentence of each."""
-    rows = "\n".join(f"   {name}" for name in names)
-    return f"```{{eval-rst}}\n.. modules::\n   :nosignatures:\n\n{rows}\n```\n"
-
-
-def list_modules(app: Any, docname: str, source: list[str]) -> None:
-    """Put the modules that a page asks for in the place of its comment."""
-
-    def listed(found: re.Match) -> str:
-        names = matching(found[1])
-        return "\n".join([overview(names), *map(section, names)])
-
-    source[0] = MODULES.sub(listed, source[0])
 
 
 def inline(line: str) -> str:
@@ -120,9 +108,9 @@ def converted(lines: list[str]) -> Iterator[str]:
         yield from ("", f".. rubric:: {heading[1]}", "") if heading else (inline(line),)
 
 
-def add_equations(name: str) -> Iterator[str]:
-    """Lines with the equations that a documented object computes."""
-    for label in computed_by(name):
+def equations_of(name: str) -> Iterator[str]:
+    """Lines with the equations that a documented object computes, in the thesis' order."""
+    for label in (label for label, names in EQUATIONS.items() if name in names):
         yield from ("", f"Equation :eq:`{label}`:", "", ".. math::", "")
         yield from (f"   {line}" for line in FORMULAS[label].splitlines())
     yield ""
@@ -132,7 +120,7 @@ def read_docstring(
     app: Any, what: str, name: str, obj: Any, options: Any, lines: list[str]
 ) -> None:
     """Convert a docstring and add its equations."""
-    lines[:] = [*converted(lines), *add_equations(name)]
+    lines[:] = [*converted(lines), *equations_of(name)]
 
 
 def write_defaults(
@@ -142,11 +130,8 @@ def write_defaults(
     if not (what == "class" and attrs.has(obj) and signature):
         return None
     fields = attrs.fields_dict(obj)
-
-    def default(found: re.Match) -> str:
-        return repr(fields[found[1]].default)
-
-    signature = re.sub(r"attr_dict\['(\w+)'\]\.default", default, signature)
+    generated = re.compile(r"attr_dict\['(\w+)'\]\.default")
+    signature = generated.sub(lambda match: repr(fields[match[1]].default), signature)
     return signature.replace("= NOTHING", "= ..."), returns
 
 

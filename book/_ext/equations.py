@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import pkgutil
 import re
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -48,72 +47,50 @@ LABELLED = re.compile(r"^ *\$\$\n([^$]*)\n *\$\$ \((eq-\d-\d+)\)", re.MULTILINE)
 
 def formulas(book: Path = BOOK) -> dict[str, str]:
     """LaTeX of every equation that carries one of the thesis' numbers, by label."""
-    found = {}
-    for page in sorted(book.glob("*.md")):
-        for text, label in LABELLED.findall(page.read_text(encoding="utf-8")):
-            found[label] = "\n".join(line.strip() for line in text.splitlines())
-    return found
-
-
-def computed_by(name: str) -> list[str]:
-    """Labels of the equations that a dotted name computes, in the thesis' order."""
-    return [label for label, names in EQUATIONS.items() if name in names]
+    pages = [page.read_text(encoding="utf-8") for page in sorted(book.glob("*.md"))]
+    equations = (equation for page in pages for equation in LABELLED.findall(page))
+    return {label: "\n".join(map(str.strip, tex.splitlines())) for tex, label in equations}
 
 
 def add_code_lines(app: Any, doctree: nodes.document) -> None:
     """Name the functions under each equation that they compute."""
     for block in list(doctree.findall(nodes.math_block)):
-        names = EQUATIONS.get(block.get("label"))
-        if names:
-            line = nodes.paragraph(classes=["in-code"])
-            line += nodes.Text("In code: ")
+        if names := EQUATIONS.get(block.get("label")):
+            line = nodes.paragraph("", "In code: ", classes=["in-code"])
             for index, name in enumerate(names):
-                if index:
-                    line += nodes.Text(", ")
-                line += nodes.literal(text=name)
+                line += [nodes.Text(", ")] * bool(index) + [nodes.literal(text=name)]
             block.parent.insert(block.parent.index(block) + 1, line)
-
-
-def target(objects: dict[str, Any], text: str) -> str | None:
-    """The documented object that a piece of code in the text names, if any."""
-    name = text.partition("(")[0]
-    if name.startswith("Settings."):
-        name = "Settings"
-    candidates = (name, *(f"{x}.{name}" for x in ("vtlib", "vtlab", "vtlib.transfer")))
-    homes = (home(x) for x in candidates if NAME.fullmatch(x))
-    return next((x for x in homes if x in objects), None)
 
 
 def home(name: str) -> str:
     """The name under which a thing is documented: where it is defined, not passed on."""
     try:
-        found = pkgutil.resolve_name(name)
+        thing = pkgutil.resolve_name(name)
     except (AttributeError, ImportError):
         return name
-    defined = getattr(found, "__module__", None), getattr(found, "__qualname__", None)
-    return ".".join(defined) if all(isinstance(x, str) for x in defined) else name
+    defined = getattr(thing, "__module__", None), getattr(thing, "__qualname__", None)
+    return ".".join(defined) if all(isinstance(part, str) for part in defined) else name
 
 
-def bare_literals(doctree: nodes.document) -> Iterator[nodes.literal]:
-    """Pieces of code in the text that do not lead anywhere yet."""
-    for literal in list(doctree.findall(nodes.literal)):
-        if not isinstance(literal.parent, nodes.reference):
-            yield literal
+def target(objects: dict[str, Any], text: str) -> str | None:
+    """The documented object that a piece of code in the text names, if any."""
+    name = "Settings" if text.startswith("Settings.") else text.partition("(")[0]
+    candidates = (name, *(f"{x}.{name}" for x in ("vtlib", "vtlab", "vtlib.transfer")))
+    homes = (home(x) for x in candidates if NAME.fullmatch(x))
+    return next((x for x in homes if x in objects), None)
 
 
 def link_names(app: Any, doctree: nodes.document, docname: str) -> None:
     """Lead every name of the library in the text to its place in the reference."""
     objects = app.env.get_domain("py").objects
-    if not any(name.startswith("vtlib.") for name in objects):
-        return
-    for literal in bare_literals(doctree):
+    for literal in list(doctree.findall(nodes.literal)):
+        if isinstance(literal.parent, nodes.reference):
+            continue
         text = literal.astext()
-        name = target(objects, text)
-        if name:
-            entry = objects[name]
-            link = make_refnode(
-                app.builder, docname, entry.docname, entry.node_id, literal.deepcopy(), name
-            )
+        if name := target(objects, text):
+            place = objects[name]
+            where = place.docname, place.node_id
+            link = make_refnode(app.builder, docname, *where, literal.deepcopy(), name)
             literal.replace_self(link)
         elif NAME.fullmatch(text):
             LOGGER.warning("the reference of the library has no %s", text, location=literal)

@@ -46,11 +46,10 @@ async def run_all(pages: dict[Path, NotebookNode], timeout: int) -> list[float]:
     """Run pages side by side, in their order; the seconds that each took."""
     if not pages:
         return []
-    # not those that it may use now: who waits for the book may lend it more
     room = asyncio.Semaphore(min(os.cpu_count() or 1, AT_MOST))
     with forked() as manager:
         how = {"timeout": timeout, "kernel_manager_class": manager}
-        return await asyncio.gather(*(run(*one, room, **how) for one in pages.items()))
+        return await asyncio.gather(*(run(*item, room, **how) for item in pages.items()))
 
 
 def read_page(env: Any, docname: str) -> NotebookNode | None:
@@ -61,10 +60,11 @@ def read_page(env: Any, docname: str) -> NotebookNode | None:
     return reader and reader.read(text)
 
 
-def cached(cache: Any, page: NotebookNode) -> Any:
-    """The record of a page's cells in the execution cache, None if they have not run."""
+def executed(app: Any, docname: str) -> NotebookNode | None:
+    """A page with the outputs that the execution cache has of it; None where it has none."""
+    page, cache = read_page(app.env, docname), get_cache(app.config.nb_execution_cache_path)
     try:
-        return cache.match_cache_notebook(page)
+        return page and cache.merge_match_into_notebook(page)[1]
     except KeyError:
         return None
 
@@ -72,13 +72,14 @@ def cached(cache: Any, page: NotebookNode) -> Any:
 def run_pages(app: Any, env: Any, docnames: list[str]) -> None:
     """Fill the execution cache with the pages that are to be read and are not in it."""
     cache = get_cache(app.config.nb_execution_cache_path)
-    read = {Path(env.doc2path(name)): read_page(env, name) for name in docnames}
-    pages = {path: page for path, page in read.items() if page and not cached(cache, page)}
-    took = asyncio.run(run_all(pages, env.mystnb_config.execution_timeout))
-    for (path, page), seconds in zip(pages.items(), took, strict=True):
+    missing = [name for name in docnames if executed(app, name) is None]
+    pages = {Path(env.doc2path(name)): read_page(env, name) for name in missing}
+    pages = {path: page for path, page in pages.items() if page}
+    durations = asyncio.run(run_all(pages, env.mystnb_config.execution_timeout))
+    for (path, page), seconds in zip(pages.items(), durations, strict=True):
         if seconds < math.inf:
-            done = CacheBundleIn(page, str(path), data={"execution_seconds": seconds})
-            cache.cache_notebook_bundle(done, check_validity=False, overwrite=True)
+            bundle = CacheBundleIn(page, str(path), data={"execution_seconds": seconds})
+            cache.cache_notebook_bundle(bundle, check_validity=False, overwrite=True)
 
 
 def setup(app: Any) -> dict[str, Any]:

@@ -39,35 +39,36 @@ SETTINGS = {
 def copy_pages(built: Path = BUILT, folder: Path = FOLDER) -> list[str]:
     """Copy each page whose text and code its reader has not changed; the names of the others.
 
-    Copies are signed, for JupyterLab shows no sliders of a notebook that it does not trust. Raises
-    FileNotFoundError where the book is not built.
+    Copies are signed, for JupyterLab shows no sliders of a notebook that it does not trust. Where
+    the book is not built the program ends and says so.
     """
     pages = sorted(built.glob("*.*"))
     if not pages:
-        raise FileNotFoundError(f"no notebooks in {built}: make book builds them")
-    for needed in (folder, Path(jupyter_data_dir())):  # the notary keeps its key in the second
-        needed.mkdir(parents=True, exist_ok=True)
+        raise SystemExit(f"no notebooks in {built}: make book builds them")
+    data = Path(jupyter_data_dir())  # where the notary keeps its key
+    for path in (folder, data):
+        path.mkdir(parents=True, exist_ok=True)
     record = folder / RECORD
-    known = json.loads(record.read_text()) if record.exists() else {}
-    notary, changed = NotebookNotary(data_dir=jupyter_data_dir()), []
+    digests = json.loads(record.read_text()) if record.exists() else {}
+    notary, changed = NotebookNotary(data_dir=str(data)), []
     for page in pages:
-        copy, new = folder / page.name, without_needs(page.read_text(encoding="utf-8"))
-        if copy.exists():
-            left, brought = sources(copy.read_text(encoding="utf-8")), sources(new)
-            if left not in (known.get(page.name), brought):
-                changed.append(page.name)
-            if left != known.get(page.name) or left == brought:
-                continue  # a reader's changes stay, and so do outputs of a page that is the same
-        copy.write_text(new, encoding="utf-8")
-        known[page.name] = sources(new)
+        copy, text = folder / page.name, without_needs(page.read_text(encoding="utf-8"))
+        present = digest(copy.read_text(encoding="utf-8")) if copy.exists() else None
+        if present == digest(text):
+            continue  # the reader keeps the outputs of a page that is the same
+        if present not in (None, digests.get(page.name)):
+            changed.append(page.name)
+            continue
+        copy.write_text(text, encoding="utf-8")
+        digests[page.name] = digest(text)
         if page.suffix == ".ipynb":
-            notary.sign(nbformat.reads(new, as_version=4))
-    record.write_text(json.dumps(known, indent=1))
+            notary.sign(nbformat.reads(text, as_version=4))
+    record.write_text(json.dumps(digests, indent=1))
     return changed
 
 
 def without_needs(page: str) -> str:
-    """A page without the cells that say what it needs, which is here."""
+    """A page without the cell that says what it needs, which is here."""
     if not page.startswith("{"):
         return page
     notebook = nbformat.reads(page, as_version=4)
@@ -75,8 +76,8 @@ def without_needs(page: str) -> str:
     return nbformat.writes(notebook)
 
 
-def sources(page: str) -> str:
-    """A digest of what a reader may edit of a page: to run a notebook changes its file, too."""
+def digest(page: str) -> str:
+    """A digest of what a reader may edit of a page: running a notebook changes only its outputs."""
     if page.startswith("{"):
         page = "\0".join(cell.source for cell in nbformat.reads(page, as_version=4).cells)
     return hashlib.sha256(page.encode()).hexdigest()
@@ -86,17 +87,12 @@ def write_settings() -> None:
     """JupyterLab's settings for the pages, below those that a reader makes there."""
     folder = Path(jupyter_config_dir()) / "labconfig"
     folder.mkdir(parents=True, exist_ok=True)
-    text = json.dumps(SETTINGS, indent=1)
-    (folder / "default_setting_overrides.json").write_text(text)
+    (folder / "default_setting_overrides.json").write_text(json.dumps(SETTINGS, indent=1))
 
 
 def main(options: list[str]) -> None:
     """Command line."""
-    try:
-        changed = copy_pages()
-    except FileNotFoundError as error:
-        raise SystemExit(str(error)) from None
-    if changed:
+    if changed := copy_pages():
         print(f"    As you left them, though the book has others now: {', '.join(changed)}.")
         print("    Delete or rename one, and the next make lab brings the book's.", flush=True)
     write_settings()

@@ -17,8 +17,7 @@ from typing import Any
 
 import nbformat
 from docutils import nodes
-from in_parallel import read_page
-from jupyter_cache import get_cache
+from in_parallel import executed
 from myst_nb.sphinx_ import NbMetadataCollector
 from nbformat import NotebookNode
 from plain_markdown import Filling, caption, plain
@@ -30,15 +29,8 @@ FOLDER = "_sources/notebooks"  # of the built book
 NEEDS = (
     "A page of *Variational Transfer of Value Functions*, with the outputs of the built book. "
     "Its cells run where `vtlib` is installed from a checkout, whose stored runs they read: "
+    "clone the repository and run `pip install -e . -e book` there, or `make lab`."
 )
-BY_HAND = NEEDS + "clone the repository and run `pip install -e . -e book` there, or `make lab`."
-BY_ITSELF = NEEDS + "the next cell installs one if there is none."
-INSTALL = """import importlib.util
-
-if importlib.util.find_spec("vtbook") is None:
-    vtlib, vtbook = "git+{address}#egg=vtlib", "git+{address}#egg=vtbook&subdirectory=book"
-    %pip install --quiet --editable "$vtlib" --editable "$vtbook"
-    print("Installed. Now choose Kernel, Restart Kernel.")"""
 GLUE = re.compile(r"^from myst_nb import glue$", re.MULTILINE)
 # The page's prose takes its numbers from glue; a notebook prints those that were computed anew.
 PRINT = '''def glue(name, value, display=False):
@@ -47,13 +39,12 @@ PRINT = '''def glue(name, value, display=False):
 STARTING = 6.0  # seconds until a kernel has imported what pages import
 RECORDED = "application/papermill.record/text/plain"  # of a number for the text
 FOLDED = {"remove-cell", "hide-cell", "remove-input", "hide-input"}
-HEADING = re.compile(r"^(#+ )", re.MULTILINE)
-FENCED = re.compile(r"^```.*?^```$", re.DOTALL | re.MULTILINE)
+HEADING = re.compile(r"^```.*?^```$|^(#+ )", re.DOTALL | re.MULTILINE)  # or code, which has none
 
 
 def is_page(path: Path) -> bool:
     """Whether a source is one that a reader opens in JupyterLab; the reference is no such page."""
-    return path.suffix == ".md" and not path.stem.startswith(("api", "gallery", "references"))
+    return path.suffix == ".md" and not path.stem.startswith(("api", "references"))
 
 
 def file_name(env: Any, docname: str) -> str:
@@ -105,15 +96,6 @@ def filling(app: Any, docname: str, values: Mapping[str, str]) -> Filling:
     return Filling(link, number, read, config.mathjax3_config["tex"]["macros"])
 
 
-def executed(app: Any, docname: str) -> NotebookNode | None:
-    """A page with the outputs that the execution cache has of it; None for one without cells."""
-    page = read_page(app.env, docname)
-    if page is None:
-        return None
-    _, merged = get_cache(app.config.nb_execution_cache_path).merge_match_into_notebook(page)
-    return merged
-
-
 def numbers_of(page: NotebookNode) -> dict[str, str]:
     """The texts that cells have glued for the prose, by their names."""
     return {
@@ -126,10 +108,7 @@ def numbers_of(page: NotebookNode) -> dict[str, str]:
 
 def numbered(text: str, sections: Iterator[str]) -> str:
     """Headings with the numbers that they have in the book."""
-    parts = []
-    for i, part in enumerate(re.split(f"({FENCED.pattern})", text, flags=FENCED.flags)):
-        parts.append(part if i % 2 else HEADING.sub(lambda found: found[1] + next(sections), part))
-    return "".join(parts)
+    return HEADING.sub(lambda match: match[1] + next(sections) if match[1] else match[0], text)
 
 
 def section_numbers(env: Any, docname: str) -> Iterator[str]:
@@ -166,49 +145,37 @@ def code_cells(cell: NotebookNode, filled: Filling) -> Iterator[NotebookNode]:
         yield nbformat.v4.new_markdown_cell(plain(text, filled))
 
 
-def needs(address: str) -> list[NotebookNode]:
-    """The first cells, which say what a notebook needs and, from an address, install it."""
-    told = {"metadata": {"tags": ["needs"]}}
-    said = nbformat.v4.new_markdown_cell(BY_ITSELF if address else BY_HAND, **told)
-    code = INSTALL.format(address=address)
-    return [said, nbformat.v4.new_code_cell(code, **told)] if address else [said]
-
-
 def notebook(app: Any, docname: str, page: NotebookNode) -> NotebookNode:
     """A page and its outputs as a notebook that needs vtlib and what vtlib needs, no more."""
-    address = app.config.html_theme_options.get("repository_url", "")
-    made = nbformat.v4.new_notebook(metadata={"kernelspec": page.metadata["kernelspec"]})
+    result = nbformat.v4.new_notebook(metadata={"kernelspec": page.metadata["kernelspec"]})
     if "widgets" in page.metadata:
-        made.metadata["widgets"] = page.metadata["widgets"]
-    made.cells = needs(address)
+        result.metadata["widgets"] = page.metadata["widgets"]
+    result.cells = [nbformat.v4.new_markdown_cell(NEEDS, metadata={"tags": ["needs"]})]
     filled, sections = filling(app, docname, numbers_of(page)), section_numbers(app.env, docname)
     for cell in page.cells:
         if cell.cell_type == "code":
-            made.cells += code_cells(cell, filled)
+            result.cells += code_cells(cell, filled)
         elif text := plain(numbered(cell.source, sections), filled):
-            made.cells.append(nbformat.v4.new_markdown_cell(text))
-    for index, cell in enumerate(made.cells):
+            result.cells.append(nbformat.v4.new_markdown_cell(text))
+    for index, cell in enumerate(result.cells):
         cell.id = f"cell-{index}"  # the same file from the same page
-    return made
+    return result
 
 
 def text_page(app: Any, docname: str) -> str:
     """A page without cells as plain Markdown."""
     source = Path(app.env.doc2path(docname)).read_text(encoding="utf-8")
     text = re.sub(r"\A---\n.*?\n---\n", "", source, flags=re.DOTALL)
-    return (
-        plain(numbered(text, section_numbers(app.env, docname)), filling(app, docname, {})) + "\n"
-    )
+    text = numbered(text, section_numbers(app.env, docname))
+    return plain(text, filling(app, docname, {})) + "\n"
 
 
 def in_words(seconds: float) -> str:
     """A duration as a reader wants it, with the start of a kernel, which a build shares."""
     whole = seconds + STARTING
-    return (
-        f"{10 * math.ceil(whole / 10)} seconds"
-        if whole < 90
-        else f"{math.ceil(whole / 60)} minutes"
-    )
+    if whole < 90:
+        return f"{10 * math.ceil(whole / 10)} seconds"
+    return f"{math.ceil(whole / 60)} minutes"
 
 
 def add_note(app: Any, doctree: nodes.document, docname: str) -> None:

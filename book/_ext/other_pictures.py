@@ -1,8 +1,8 @@
 """Sphinx extension: telephones and print have figures that were drawn for them.
 
 `vtbook.plots` hands those over in the metadata of the figure's output, which the execution cache
-keeps. Here they become files beside the picture, a source for narrow screens and, for pdf.py, the
-name of the lines and letters that print has instead of dots.
+keeps. Here they become files beside the picture: a source for narrow screens, and vectors, which
+pdf.py prints.
 """
 
 from __future__ import annotations
@@ -13,41 +13,39 @@ from base64 import b64decode
 from pathlib import Path
 from typing import Any
 
-from in_parallel import cached, read_page
-from jupyter_cache import get_cache
+from in_parallel import executed
 
 IMAGE = re.compile(r'<img\b[^>]*? src="([^"]*?_images/)([0-9a-f]{64})\.png"[^>]*>')
 
 
 def pictures(app: Any, docname: str) -> dict[str, dict[str, str]]:
     """What a page's figures have drawn beside their pictures, by the digests of these."""
-    cache, page = get_cache(app.config.nb_execution_cache_path), read_page(app.env, docname)
-    record = page and cached(cache, page)
-    found = {}
-    for cell in cache.get_cache_bundle(record.pk).nb.cells if record else ():
-        for output in cell.get("outputs", ()):
-            if told := output.get("metadata", {}).get("image/png", {}):
-                wide = b64decode(output.data["image/png"])
-                found[hashlib.sha256(wide).hexdigest()] = told
-    return found
+    page = executed(app, docname)
+    outputs = [x for cell in page.cells for x in cell.get("outputs", ())] if page else []
+    drawings = {}
+    for output in outputs:
+        if drawing := output.get("metadata", {}).get("image/png"):
+            wide = b64decode(output.data["image/png"])
+            drawings[hashlib.sha256(wide).hexdigest()] = drawing
+    return drawings
 
 
 def offer(app: Any, docname: str, template: str, context: dict[str, Any], doctree: Any) -> None:
     """Write what a page's figures have drawn for others, and name it beside their pictures."""
     if app.builder.format != "html" or docname not in app.env.found_docs:
         return
-    drawn, images = pictures(app, docname), Path(app.outdir) / "_images"
+    drawings, images = pictures(app, docname), Path(app.outdir) / "_images"
     images.mkdir(exist_ok=True)
 
     def named(image: re.Match[str]) -> str:
-        where, digest = image.groups()
-        told, tag, name = drawn.get(digest, {}), image[0], digest[:32]
-        if "vector" in told:
-            (images / f"{name}.svg").write_text(told["vector"], encoding="utf-8")
-            tag = tag.replace("<img", f'<img data-vector="{where}{name}.svg"', 1)
-        if "narrow" in told:
-            (images / f"{name}-narrow.png").write_bytes(b64decode(told["narrow"]))
-            source = f'<source media="(max-width: 600px)" srcset="{where}{name}-narrow.png"/>'
+        folder, digest = image.groups()
+        drawing, tag, name = drawings.get(digest, {}), image[0], digest[:32]
+        if "vector" in drawing:
+            (images / f"{name}.svg").write_text(drawing["vector"], encoding="utf-8")
+            tag = tag.replace("<img", f'<img data-vector="{folder}{name}.svg"', 1)
+        if "narrow" in drawing:
+            (images / f"{name}-narrow.png").write_bytes(b64decode(drawing["narrow"]))
+            source = f'<source media="(max-width: 600px)" srcset="{folder}{name}-narrow.png"/>'
             tag = f"<picture>{source}{tag}</picture>"
         return tag
 

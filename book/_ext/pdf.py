@@ -8,12 +8,10 @@ from __future__ import annotations
 
 import argparse
 import io
+import re
 import shutil
-from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
-import yaml
 from playwright.sync_api import sync_playwright
 from pypdf import PdfWriter
 
@@ -23,38 +21,32 @@ MARGIN = {"top": "18mm", "bottom": "18mm", "left": "16mm", "right": "16mm"}
 NUMBER = """<div style="font-size: 8px; text-align: center; width: 100%">
 <span class="title"></span>, <span class="pageNumber"></span></div>"""
 
-# Pictures by their lines and letters, in the size that their dots had.
-VECTORS = """() => Promise.all([...document.querySelectorAll('img[data-vector]')].map(one => {
-  one.width = one.naturalWidth;
-  one.src = one.dataset.vector;
-  return one.decode();
-})).then(() => null)"""
-
-
-def in_order(entry: dict[str, Any], depth: int = 0) -> Iterator[tuple[str, int]]:
-    """Pages of a part of the table of contents with how deep they lie."""
-    for key, value in entry.items():
-        if key in ("root", "file"):
-            yield value, depth
-        elif key in ("parts", "chapters", "sections"):
-            for one in value:
-                yield from in_order(one, depth + (key == "sections"))
+# Pictures by their lines and letters, in the size that their dots had, and headings for the outline
+# without the signs of their links.
+PREPARED = """() => {
+  document.querySelectorAll('a.headerlink').forEach(link => link.remove());
+  return Promise.all([...document.querySelectorAll('img[data-vector]')].map(image => {
+    image.width = image.naturalWidth;
+    image.src = image.dataset.vector;
+    return image.decode();
+  })).then(() => null);
+}"""
 
 
 def print_pages(html: Path, target: Path) -> None:
-    """Write the PDF, with an outline of the pages' titles."""
+    """Write the PDF, with an outline of the pages' headings."""
     browser = next(filter(None, map(shutil.which, BROWSERS)), None)
     if browser is None:
         raise SystemExit(f"no browser found (looked for {', '.join(BROWSERS)})")
-    toc = yaml.safe_load((ROOT / "_toc.yml").read_text(encoding="utf-8"))
-    writer, parents = PdfWriter(), {}
+    names = re.findall(r"(?:root|file): (\S+)", (ROOT / "_toc.yml").read_text(encoding="utf-8"))
+    writer = PdfWriter()
     with sync_playwright() as playwright:
         chromium = playwright.chromium.launch(executable_path=browser, args=["--no-sandbox"])
         page = chromium.new_page(color_scheme="light")
-        for name, depth in in_order(toc):
+        for name in names:
             page.goto((html / f"{name}.html").as_uri(), wait_until="load")
             page.wait_for_timeout(2000)  # formulas are typeset and sliders draw their pictures
-            page.evaluate(VECTORS)
+            page.evaluate(PREPARED)
             data = page.pdf(
                 format="A4",
                 scale=0.8,  # lines as long as on the screen
@@ -62,13 +54,10 @@ def print_pages(html: Path, target: Path) -> None:
                 display_header_footer=True,
                 header_template="<span></span>",
                 footer_template=NUMBER,
+                outline=True,
+                tagged=True,
             )
-            first = len(writer.pages)
-            writer.append(io.BytesIO(data), import_outline=False)
-            heading = page.locator("h1").first.inner_text().rstrip("#").strip()
-            parents[depth] = writer.add_outline_item(
-                title=heading, page_number=first, parent=parents.get(depth - 1)
-            )
+            writer.append(io.BytesIO(data))
         chromium.close()
     target.parent.mkdir(parents=True, exist_ok=True)
     writer.write(target)

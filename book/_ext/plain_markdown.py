@@ -39,20 +39,20 @@ class Filling:
 
 def plain(text: str, filling: Filling) -> str:
     """A cell of MyST as plain Markdown; ValueError names a directive that is not known."""
-    lines, done = text.split("\n"), []
+    lines, parts = text.split("\n"), []
     while lines:
         line = lines.pop(0)
         fence = FENCE.match(line)
         if fence is None:
-            done.append(line)
+            parts.append(line)
             continue
         marks, name, title = fence.groups()
         body = _until(lines, marks)
         if name is None:
-            done += [line, *body, marks]
+            parts += [line, *body, marks]
         else:
-            done.append(_directive(name, title.strip(), body, filling))
-    return _inline("\n".join(done), filling).strip("\n")
+            parts.append(_directive(name, title.strip(), body, filling))
+    return _inline("\n".join(parts), filling).strip("\n")
 
 
 def _until(lines: list[str], marks: str) -> list[str]:
@@ -80,11 +80,9 @@ def _directive(name: str, title: str, body: list[str], filling: Filling) -> str:
         return "\n".join(f"> {line}".rstrip() for line in box.split("\n"))
     if name == "table":
         return f"{caption(options.get('name'), title, filling)}\n\n{plain(inner, filling)}"
-    if name == "list-table":
-        return plain(_list_table(inner), filling)
     if name == "glossary":
         entries = [entry.split("\n", 1) for entry in re.split(r"\n\n(?=\S)", inner)]
-        return "\n\n".join(f"**{term}** {' '.join(said.split())}" for term, said in entries)
+        return "\n\n".join(f"**{term}** {' '.join(text.split())}" for term, text in entries)
     if name == "literalinclude":
         code = f"```{options['language']}\n{filling.read(title)}```"
         return f"{caption(options['name'], options['caption'], filling)}\n\n{code}"
@@ -96,15 +94,6 @@ def caption(label: str | None, text: str, filling: Filling) -> str:
     return f"**{filling.number(label)}.** {text}" if label else f"**{text}**"
 
 
-def _list_table(inner: str) -> str:
-    """Rows of bullets as a table of pipes, in whose cells no line ends."""
-    rows = re.split(r"^\* - ", inner, flags=re.MULTILINE)[1:]
-    table = [re.split(r"^  - ", row, flags=re.MULTILINE) for row in rows]
-    cells = [[" ".join(cell.split()).replace("|", "\\|") for cell in row] for row in table]
-    rule = ["---"] * len(cells[0])
-    return "\n".join(f"| {' | '.join(row)} |" for row in [cells[0], rule, *cells[1:]])
-
-
 def _inline(text: str, filling: Filling) -> str:
     """Roles, targets, numbers of equations and macros of formulas; code stays as it is."""
     text = TARGET.sub("", text)
@@ -113,5 +102,5 @@ def _inline(text: str, filling: Filling) -> str:
     text = SPAN.sub(lambda found: GAP * int(found[2]) + found[1], text)
     text = ROLE.sub(lambda found: filling.link(found[1], " ".join(found[3].split())), text)
     for name, meaning in filling.macros.items():
-        text = re.sub(rf"\\{name}(?![A-Za-z])", lambda _, said=meaning: said, text)
+        text = re.sub(rf"\\{name}(?![A-Za-z])", lambda _, meaning=meaning: meaning, text)
     return text

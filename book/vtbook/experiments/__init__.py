@@ -22,6 +22,7 @@ PAGES = (
     *(controls, prior_weight, compared, factorial, recommended),
 )
 
+
 def experiments_in(value: object) -> Iterator[Experiment]:
     """An experiment itself, or all those in a tuple or a dictionary."""
     if isinstance(value, Experiment):
