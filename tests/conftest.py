@@ -2,6 +2,7 @@
 
 import ast
 import contextlib
+import fcntl
 import functools
 import http.server
 import importlib
@@ -13,6 +14,7 @@ import subprocess
 import sys
 import threading
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -35,13 +37,14 @@ FIRST = "gw0"  # of the processes that share the tests; it starts the build
 LOG, STATUS, GROUP = (ROOT / "_build" / f"test-build.{x}" for x in ("log", "status", "group"))
 BUILD_LIMIT = 1800  # seconds
 PATIENCE = 180_000  # milliseconds that a page may take on a busy machine
-CELL = re.compile(r"```\{code-cell\} python3\n(?:---\n(.*?)\n---\n)?(.*?)```", re.DOTALL)
+CELL = re.compile(r"```\{code-cell\}[^\n]*\n(?:---\n(.*?)\n---\n)?(.*?)```", re.DOTALL)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Files with tests that need the book come last: a file's tests share a process."""
+    """First the method's files, last those that need the book: a file's tests share a process."""
     files = {item.path for item in items if needs_book(item)}
-    items.sort(key=lambda item: item.path in files)
+    packages = {ROOT / "tests" / name for name in ("vtlab", "vtbook")}
+    items.sort(key=lambda item: (item.path in files, bool(packages & {*item.path.parents})))
 
 
 def pytest_collection_finish(session: pytest.Session) -> None:
@@ -122,7 +125,9 @@ def run_cells(name: str) -> dict:
         patch.setattr(widgets, "still_sliders", lambda axes, picture: (axes, picture))
         names: dict = {}
         page = (ROOT / "book" / f"{name}.md").read_text(encoding="utf-8")
-        for head, source in CELL.findall(page):
+        cells = CELL.findall(page)
+        assert cells, f"{name} has no code cell that a test can find"
+        for head, source in cells:
             code = ast.parse(re.sub(r"^:.*\n", "", source, flags=re.MULTILINE))
             figure = re.search(r"^    name: (\S+)$", head, re.MULTILINE)
             shown = code.body.pop() if figure else None
@@ -155,11 +160,14 @@ def build_faults() -> list[str]:
 
 
 @pytest.fixture(scope="session")
-def book(build_faults: list[str]) -> Path:
+def book(build_faults: list[str]) -> Iterator[Path]:
     """Folder of the built pages; the tests of a book that did not build are skipped, but one."""
     if build_faults:
         pytest.skip("the book does not build cleanly: see test_the_book_builds")
-    return Path(os.environ.get(BUILT, ROOT / "_build" / "html")).resolve()
+    folder = Path(os.environ.get(BUILT, ROOT / "_build" / "html")).resolve()
+    with (folder.parent / "book.lock").open("a") as lock:
+        fcntl.flock(lock, fcntl.LOCK_SH)  # a build that begins meanwhile waits
+        yield folder
 
 
 @pytest.fixture(scope="session")

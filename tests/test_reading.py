@@ -1,4 +1,4 @@
-"""The book is read on paper, in the system's own colours, without storage, and searched for any word."""
+"""The book on paper, in the system's own colours, without storage, and searched for any word."""
 
 import pytest
 

@@ -100,10 +100,12 @@ def test_divergence_names_the_run_and_the_iteration_before_it_is_evaluated(run, 
 THREADS = """
 import gymnasium
 import torch
+torch.set_default_dtype(torch.float64)
 from attrs import evolve
 
 import vtbook
 from vtbook.experiments.cartpole import CARTPOLE
+from vtbook.experiments.rooms import ROOMS_EVALUATION
 from vtlab.run import run_batch
 from vtlab.store import weights
 from vtlib.gym_runs import evaluate, solve, transfer
@@ -117,7 +119,7 @@ class Watched(gymnasium.Wrapper):
 def tell(name, call, *given, **how):
     seen.clear()
     found = call(*given, **how)
-    print(name, *{*seen}, torch.get_num_threads())
+    print(name, *{*seen}, torch.get_num_threads(), torch.get_default_dtype())
     return found
 
 def progress(t):
@@ -131,15 +133,19 @@ envs, q = [Watched(gymnasium.make("CartPole-v1"))], MLP((4, 8, 2))
 learned = tell("solve", solve, envs, q, 20)
 tell("transfer", transfer, envs, q, learned.weights[:, 0].expand(2, -1), 20, trials=2)
 tell("evaluate", evaluate, envs, q, learned.weights, 2)
-here = evolve(CARTPOLE.published, iterations=100)
-for label in ("DDQN", "1-MGVT"):
-    tell(label, run_batch, here, label, [0], weights(here.pool), progress)
+for here, label in ((CARTPOLE, "DDQN"), (CARTPOLE, "1-MGVT"), (ROOMS_EVALUATION, "GVT")):
+    short = evolve(here.published, iterations=100)
+    ours = tell(label, run_batch, short, label, [0], weights(short.pool), progress)
+    torch.set_default_dtype(torch.float32)
+    again = run_batch(short, label, [0], weights(short.pool))
+    assert all((array == again[name]).all() for name, array in ours.items())
+    torch.set_default_dtype(torch.float64)
 """
 
 
-def test_a_page_has_one_thread_and_whoever_learns_computes_with_one_and_leaves_what_was_set():
+def test_whoever_learns_computes_in_float32_with_one_thread_and_leaves_what_was_set():
     ours = {name: value for name, value in os.environ.items() if name != "OMP_NUM_THREADS"}
     ran = subprocess.run([sys.executable, "-c", THREADS], env=ours, capture_output=True, text=True)
-    calls = "solve", "transfer", "evaluate", "DDQN", "1-MGVT"
-    told = ["import 1", *(f"{name} 1 2" for name in calls)]
+    calls = "solve", "transfer", "evaluate", "DDQN", "1-MGVT", "GVT"
+    told = ["import 1", *(f"{name} 1 2 torch.float64" for name in calls)]
     assert ran.stdout.splitlines() == told, ran.stderr

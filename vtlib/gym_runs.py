@@ -25,7 +25,7 @@ from vtlib.files import TornResult, write_bytes
 from vtlib.qfunctions import QFunction
 from vtlib.recommended import Recommended
 from vtlib.rng import Rng, generator
-from vtlib.training import Agent, check_finite, iterate, one_thread
+from vtlib.training import Agent, arithmetic, check_finite, iterate
 from vtlib.transfer import Settings, VariationalTransfer
 
 EVERY = 100  # iterations from one record to the next
@@ -86,7 +86,7 @@ class Learned:
             raise TornResult(f"{path} is not what Learned.save wrote") from error
 
 
-@one_thread()
+@arithmetic()
 def solve(
     envs: Sequence[gymnasium.Env],
     q: QFunction,
@@ -117,7 +117,7 @@ def solve(
     return _learn(agent, episodes, iterations, name, callback, progress)
 
 
-@one_thread()
+@arithmetic()
 def transfer(
     envs: Sequence[gymnasium.Env],
     q: QFunction,
@@ -181,7 +181,7 @@ def transfer(
     return evolve(learned, weights=weights, steps=learned.steps + length, improved=improved)
 
 
-@one_thread()
+@arithmetic()
 def evaluate(
     envs: Sequence[gymnasium.Env],
     q: QFunction,

@@ -44,18 +44,20 @@ class Curves:
 
 
 @contextlib.contextmanager
-def one_thread() -> Iterator[None]:
-    """Compute with one of torch's threads, and restore its own setting afterwards.
+def arithmetic() -> Iterator[None]:
+    """Compute in float32 with one of torch's threads, and restore the caller's settings afterwards.
 
     With more threads torch rounds otherwise. Small tensors then take longer, too, many times as
     long where processors are busy.
     """
-    before = torch.get_num_threads()
+    threads, dtype = torch.get_num_threads(), torch.get_default_dtype()
     torch.set_num_threads(1)
+    torch.set_default_dtype(torch.float32)
     try:
         yield
     finally:
-        torch.set_num_threads(before)
+        torch.set_num_threads(threads)
+        torch.set_default_dtype(dtype)
 
 
 def iterate(agent: Agent, episodes: Episodes | GymEpisodes) -> Iterator[int]:
@@ -68,7 +70,7 @@ def iterate(agent: Agent, episodes: Episodes | GymEpisodes) -> Iterator[int]:
         yield t
 
 
-@one_thread()
+@arithmetic()
 def train(
     agent: Agent,
     episodes: Episodes | GymEpisodes,

@@ -3,17 +3,8 @@
 ``vtlib`` is the method, ``vtlab`` what runs experiments; neither knows anything of these.
 """
 
-import os
-
 import torch
 
 # A page is an application, which may decide this for its process, wherever it is opened: with more
 # threads tensors as small as these take longer, many times as long where processors are busy.
 torch.set_num_threads(1)
-
-
-def processors() -> int:
-    """The number of processors that this process may use."""
-    if hasattr(os, "sched_getaffinity"):  # some systems have none
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1

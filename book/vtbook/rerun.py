@@ -11,11 +11,12 @@ from matplotlib.figure import Figure
 from tqdm import tqdm
 from xarray import Dataset
 
-from vtbook import plots, processors
+from vtbook import plots
 from vtbook.tables import words
 from vtlab.experiment import Algorithm, Experiment
 from vtlab.run import run_batch
 from vtlab.store import returns, weights
+from vtlab.workers import processors
 from vtlib.checks import check_one_of, check_whole
 from vtlib.stats import Interval, mean_interval
 

@@ -32,7 +32,12 @@ def main(arguments: list[str] | None = None) -> int:
     torch.set_num_threads(1)
     try:
         return int(options.command(options))
-    except (ValueError, OSError, TornResult, Diverged) as error:
+    except TornResult as error:
+        print(f"vtlab: {one_line(error)}; remove it, and run computes it again", file=sys.stderr)
+    except OSError as error:
+        then = "; once that is mended the same command goes on" if error.errno else ""
+        print(f"vtlab: {one_line(error)}{then}", file=sys.stderr)
+    except (ValueError, Diverged) as error:
         print(f"vtlab: {one_line(error)}", file=sys.stderr)
     except BrokenExecutor:
         print("vtlab: workers were killed; the same command goes on from here", file=sys.stderr)

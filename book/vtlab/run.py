@@ -13,7 +13,7 @@ from vtlab.native.runs import NativeRun, supports, train_natively
 from vtlab.sources import check_pool_weights
 from vtlib.episodes import Episodes, Tasks
 from vtlib.rng import Rng, generator
-from vtlib.training import FINGERPRINTS, Agent, one_thread, train
+from vtlib.training import FINGERPRINTS, Agent, arithmetic, train
 
 EVALUATION_EPISODES = 10
 
@@ -78,7 +78,7 @@ def _start(experiment: Experiment, label: str, runs: Sequence[int], weights: np.
     return torch.from_numpy(weights[sources])
 
 
-@one_thread()
+@arithmetic()
 def run_batch(
     experiment: Experiment,
     label: str,

@@ -12,7 +12,7 @@ from vtlab.experiment import Pool
 from vtlib.checks import check_kind, check_weights
 from vtlib.episodes import Episodes
 from vtlib.rng import Rng, Stream
-from vtlib.training import FINGERPRINTS, Agent, check_finite, fingerprint, iterate, one_thread
+from vtlib.training import FINGERPRINTS, Agent, arithmetic, check_finite, fingerprint, iterate
 
 FRESH = 400  # episodes by which solved sources are judged in the end
 
@@ -149,7 +149,7 @@ def _attempt(pool: Pool, sources: Sequence[int], attempt: int) -> dict[str, np.n
     return arrays | {"fingerprints": np.stack(training.fingerprints, 1)}
 
 
-@one_thread()
+@arithmetic()
 def head(pool: Pool, sources: Sequence[int]) -> np.ndarray:
     """Fingerprints (S, 3, 4) of the first iterations of some sources, computed anew."""
     training = SourceTraining(pool, sources)

@@ -14,7 +14,7 @@ from attrs import frozen
 from vtlab import run, sources, store
 from vtlab.experiment import SOURCES, TASKS, Experiment, Pool
 from vtlib import __version__
-from vtlib.training import one_thread
+from vtlib.training import arithmetic
 
 BATCH = 10  # runs that advance together; fixed, so that results never depend on the workers
 SOURCE_BATCH = 25  # at most: a small pool is cut in two, for two cores
@@ -78,7 +78,7 @@ def expected_seconds(owner: Pool | Experiment, label: str, member: int) -> float
     return sum(unit.expected_seconds for unit in units_with(owner, label, [member]))
 
 
-@one_thread()
+@arithmetic()
 def compute(
     unit: Unit, weights: np.ndarray | None = None, device: str = "cpu"
 ) -> tuple[store.Arrays, store.Note]:

@@ -13,13 +13,13 @@ from vtlab.interrupts import for_this_process_alone
 
 @contextlib.contextmanager
 def processes(jobs: int | None = None) -> Iterator[Executor]:
-    """So many processes of this machine, one per core if not given.
+    """So many processes of this machine, one per processor that this one may use if not given.
 
     They end with this process, however it ends, and at once where an error ends the work.
     """
     before, spawn = multiprocessing.active_children(), multiprocessing.get_context("spawn")
     with for_this_process_alone():
-        executor = _Processes(jobs or os.cpu_count(), spawn, _end_with_parent)
+        executor = _Processes(jobs or processors(), spawn, _end_with_parent)
     with executor:
         try:
             yield executor
@@ -28,6 +28,12 @@ def processes(jobs: int | None = None) -> Iterator[Executor]:
             for child in set(multiprocessing.active_children()).difference(before):
                 child.kill()
             raise
+
+
+def processors() -> int:
+    """The number of processors that this process may use."""
+    known = hasattr(os, "sched_getaffinity")  # not everywhere
+    return len(os.sched_getaffinity(0)) if known else os.cpu_count() or 1
 
 
 class _Processes(ProcessPoolExecutor):

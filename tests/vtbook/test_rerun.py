@@ -10,11 +10,12 @@ import numpy as np
 import pytest
 from attrs import evolve
 
-from vtbook import processors, rerun
+from vtbook import rerun
 from vtbook.experiments.rooms import ROOMS_EVALUATION, ROOMS_EXPLORATION, ROOMS_SOURCES
 from vtbook.page import Page
 from vtbook.rerun import try_settings
 from vtlab.store import returns
+from vtlab.workers import processors
 from vtlib.stats import mean_interval
 
 ROOMS, HERE, LABEL = ROOMS_EVALUATION.published, ROOMS_SOURCES.published, "1-MGVT-from-2"

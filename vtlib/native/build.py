@@ -80,7 +80,7 @@ def compile_source(
         new = Path(folder) / out.name
         command = [sys.executable, "-m", "ziglang", "c++", "-target", target, f"-mcpu={cpu}"]
         command += [*FLAGS, f"-I{HERE}", *WIDE.get(cpu, ()), *flags, "-o", str(new), str(source)]
-        how = {"env": os.environ | caches, "timeout": 300}
-        subprocess.run(command, check=True, capture_output=True, text=True, **how)
+        env = os.environ | caches
+        subprocess.run(command, check=True, capture_output=True, text=True, timeout=300, env=env)
         new.replace(out)  # at once: a process that loads it meanwhile has the old one or the new
     return out

@@ -19,7 +19,8 @@ DOOR_WIDTH = 1.0
 GOAL = (SIDE, SIDE)  # a corner: `step` uses that both coordinates are SIDE
 GOAL_RADIUS = 1.0
 DOOR_RANGE = (DOOR_WIDTH / 2, SIDE - DOOR_WIDTH / 2)
-_MOVES = STEP_LENGTH * torch.tensor([[0.0, 1.0], [1.0, 0.0], [0.0, -1.0], [-1.0, 0.0]])
+_DIRECTIONS = [[0.0, 1.0], [1.0, 0.0], [0.0, -1.0], [-1.0, 0.0]]
+_MOVES = STEP_LENGTH * torch.tensor(_DIRECTIONS, dtype=torch.float32)
 
 
 @frozen(eq=False, slots=False)
