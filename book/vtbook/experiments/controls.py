@@ -21,13 +21,6 @@ from vtlab.experiment import Algorithm, Experiment
 
 POINT = 1e-4  # deviation of the samples that stand for a point
 FROZEN = 1e-20  # steps on L that float32 cannot tell from none
-#: What is added from each label to the next, in the order of the figure.
-STEPS = {
-    "start": "1-MGVT, start alone",
-    "weight of the prior": "1-MGVT, point",
-    "spread of the samples": "1-MGVT, frozen",
-    "learned covariance": "1-MGVT",
-}
 
 
 def variants(experiment: Experiment) -> dict[str, Algorithm]:
