@@ -105,9 +105,9 @@ class Plane:
     axes: tuple[int, int]
     ends: tuple[tuple[float, float], tuple[float, float]]
     labels: tuple[str, str]
-    units: tuple[float, float]  # of the labels, in those of the state
-    values: tuple[float, float]  # the range of the colours
-    start: tuple[float, ...]  # of a policy's path
+    units: tuple[float, float]  #: Units of the labels, in those of the state.
+    values: tuple[float, float]  #: Range of the colours.
+    start: tuple[float, ...]  #: State from which a policy's path is drawn.
 
 
 @frozen
