@@ -17,7 +17,7 @@ from vtlib.priors import Gaussian, kl, kl_bound, pairwise_kl, responsibilities
 from vtlib.replay import ReplayBuffer
 from vtlib.td import td_error
 
-if TYPE_CHECKING:  # names of arguments alone: this file is what the engine is held to
+if TYPE_CHECKING:  # needed for types only: the tests hold the engine to this file
     from vtlib.episodes import Episodes
     from vtlib.qfunctions import QFunction
     from vtlib.rng import Rng

@@ -11,10 +11,10 @@ import torch
 from torch import Tensor
 
 P = ParamSpec("P")
-LARGEST = 10**9  # of whole numbers: nothing beyond is meant, nor fits into memory
-TINY, HUGE = 1e-37, 1e38  # of positive numbers: float32 holds what lies between
-LONGEST_NAME = 200  # bytes: file systems take 255, and endings follow
-SHOWN = 200  # characters of a value
+LARGEST = 10**9  # largest whole number: nothing larger makes sense or fits into memory
+TINY, HUGE = 1e-37, 1e38  # float32 holds the positive numbers between
+LONGEST_NAME = 200  # bytes: file systems take 255, endings included
+SHOWN = 200  # characters of a value in an error
 
 
 def one_line(text: object) -> str:

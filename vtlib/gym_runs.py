@@ -29,7 +29,7 @@ from vtlib.training import Agent, arithmetic, check_finite, iterate
 from vtlib.transfer import Settings, VariationalTransfer
 
 EVERY = 100  # iterations from one record to the next
-LONGEST = 100_000  # steps of an episode that is waited for
+LONGEST = 100_000  # steps after which an episode is given up
 
 Callback = Callable[[int, Tensor], bool | None]
 

@@ -14,7 +14,7 @@ PRIOR_JITTER = 1e-4  # added to the covariance of the Gaussian prior, so that it
 SPAN_JITTER = 1e-8  # the same for a posterior that starts within the span of the sources
 MAX_UPDATES = 50  # of the responsibilities' fixed point
 TOLERANCE = 1e-6
-DOUBLES = 2**22  # numbers of double precision in the matrices that are factored at once
+DOUBLES = 2**22  # doubles in the matrices that are factored at a time
 
 
 class Gaussian(NamedTuple):
@@ -132,8 +132,9 @@ def covariance_factor(spread: Tensor, jitter: float | Tensor) -> Tensor:
     """
     *batch, d, count = spread.shape
     factors = spread.new_empty(*batch, d, d)
-    # A few at a time: all of them in double precision would take several times the memory. An even
-    # number, because the last digit depends on where in 16 bytes a matrix begins.
+    # Matrices are factored a few at a time, because all of them in double precision would take
+    # several times the memory. The number is even, because the last digit of a result depends on
+    # where in 16 bytes a matrix begins.
     size = 2 * max(1, DOUBLES // d**2 // 2)
     parts = factors.view(-1, d, d).split(size)
     jitters = torch.as_tensor(jitter, dtype=torch.double, device=spread.device)
@@ -164,7 +165,7 @@ def low_rank_precision(spread: Tensor, jitter: float | Tensor) -> Precision:
     variance = jitter.squeeze(-1) if isinstance(jitter, Tensor) else jitter
     shrink = (singular**2 / (singular**2 + variance)).sqrt()
     W = (left * shrink.unsqueeze(-2)).to(spread.dtype)
-    if not W.isfinite().all():  # the decomposition of an infinite spread may end in silence
+    if not W.isfinite().all():  # the decomposition of an infinite spread may raise nothing
         raise too_far_apart(spread)
     return Precision(1 / jitter, W)
 

@@ -17,8 +17,8 @@ from torch.func import functional_call, vjp, vmap
 
 from vtlib.checks import check_kind, check_positive, check_whole, shown
 
-# Features below float32's rounding of their sum are zero: left in, they and their products become
-# denormal numbers, on which a processor is many times slower.
+# Features below float32's rounding of their sum are set to zero. They and their products would
+# become denormal numbers, on which a processor is many times slower.
 ROUNDING = 1e-7
 FAR = -30.0
 
@@ -29,7 +29,7 @@ class QFunction(Protocol):
 
     d: int
     n_actions: int
-    width: int  # most numbers that one weight vector makes of one observation
+    width: int  # the most numbers that any layer makes of one observation
 
     def prepare(self, obs: Tensor) -> Tensor:
         """What can be computed from observations (R, B, obs_dim) before weights are known."""
@@ -64,7 +64,7 @@ class RBFLinear:
 
     def prepare(self, obs: Tensor) -> Tensor:
         """Features (R, m * m, B), one column per observation of (R, B, 2)."""
-        # the Gaussian and its normaliser both factor over the axes
+        # the Gaussian and its normaliser are products of one factor for each axis
         _check_observations(obs, 2)
         columns = obs.transpose(-1, -2).contiguous()
         distance = columns.unsqueeze(-2) - self._centers.to(obs.device).unsqueeze(-1)
@@ -162,7 +162,7 @@ def _gradients(matrices: list[Tensor], outputs: list[Tensor], delta: Tensor) -> 
     for layer in range(len(matrices) - 1, 0, -1):
         into = outputs[layer]
         parts = [torch.bmm(delta, into.transpose(1, 2)), delta.sum(-1), *parts]
-        # the sign of a ReLU's output is its derivative, and far faster than a mask
+        # the sign of a ReLU's output is its derivative, and faster to compute than a mask
         delta = torch.bmm(matrices[layer].transpose(1, 2), delta).mul_(into.sign())
     first = torch.bmm(delta, outputs[0].transpose(1, 2))
     return [first[..., :-1], first[..., -1], *parts]

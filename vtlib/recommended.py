@@ -22,12 +22,13 @@ from vtlib.stability import curvature, largest_step
 from vtlib.transfer import Settings, VariationalTransfer
 
 NARROW = 0.003  # standard deviation of the prior's components
-WORTH = 0.5  # of how many transitions the prior is worth
-SAMPLES = 5  # of each component
-SHARE = 0.25  # of the largest safe step on L, which the components share
-CLIP = 1.0  # on the entries of a gradient, which are far smaller unless something explodes
-FLAT = 1e-30  # stands for no curvature at all
-FIRST, MEASURED = 64, 200  # transitions that are only remembered; those that eta is taken from
+WORTH = 0.5  # how many transitions the prior counts for
+SAMPLES = 5  # from each component
+SHARE = 0.25  # the step on L as a share of the largest safe one; the components share it
+CLIP = 1.0  # bound on a gradient's entries, which only a run that explodes reaches
+FLAT = 1e-30  # least curvature, so that nothing is divided by zero
+FIRST = 64  # transitions that are only remembered
+MEASURED = 200  # transitions from which eta is measured
 
 
 @frozen

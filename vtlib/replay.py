@@ -34,7 +34,7 @@ class ReplayBuffer:
         check_whole("capacity", capacity)
         self._capacity = capacity
         self._obs_dim = obs_dim
-        # one row per transition (obs, next_obs, action, reward, terminated): one write, one gather
+        # a row holds a whole transition, which is so written and gathered in one operation each
         self._rows = torch.zeros(runs, min(capacity, 1024), 2 * obs_dim + 3)
         self._added = 0
 

@@ -7,7 +7,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-BLOCK = 1 << 20  # floats drawn ahead at a time, over all runs: large enough to hide Python's cost
+BLOCK = 1 << 20  # floats that all runs draw ahead, so many that Python's cost is hidden
 
 
 def generator(experiment: str, run: int, role: str) -> np.random.Generator:

@@ -37,7 +37,7 @@ def curvature(
     f, h = gradients_of_errors(q, mu, batch, psi, gamma, kappa)
     K = torch.bmm(f, h.mT).double() * (2 / batch.action.shape[1])
     finite = K.isfinite().all(2).all(1)
-    # some builds of LAPACK crash on others
+    # some builds of LAPACK crash on numbers that are not finite
     eta = torch.linalg.eigvals(torch.where(finite.view(-1, 1, 1), K, 0.0)).abs().amax(1)
     return torch.where(finite, eta, torch.nan)
 

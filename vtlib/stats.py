@@ -51,7 +51,7 @@ def student_quantile(freedom: int) -> float:
 
 def _share_within(angle: float, freedom: int) -> float:
     """The share of a Student distribution up to t = sqrt(freedom) tan(angle), of either sign."""
-    first = 1 + freedom % 2  # of the powers of the cosine: 2 in a sum for odd degrees, else 1
+    first = 1 + freedom % 2  # the sum begins at 2 for odd degrees of freedom, else at 1
     term, total = (math.cos(angle) if freedom % 2 else 1.0), 0.0
     for k in range(first, freedom, 2):
         total += term

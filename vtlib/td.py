@@ -10,7 +10,7 @@ from vtlib.qfunctions import QFunction
 from vtlib.replay import Transition
 
 LEAST_KAPPA = 1e-3  # float32 has four digits left of 1 - exp(-kappa)
-CACHED = 1 << 20  # floats that may be in work at a time
+CACHED = 1 << 20  # floats that the cache holds
 
 
 def mellowmax(values: Tensor, kappa: float, dim: int = -1) -> Tensor:
@@ -83,12 +83,12 @@ def td_gradients(
     batch: a minibatch (R, B) for each run, shared by its K weight vectors.
     """
     runs, k, _ = w.shape
-    size = 2 * batch.obs.shape[1] * q.width  # of what one weight vector passes on
+    size = 2 * batch.obs.shape[1] * q.width  # floats for one weight vector
     rows = min(runs, max(1, CACHED // (k * size)))
     columns = math.ceil(k / math.ceil(k * size / CACHED)) if rows == 1 else k
     if (rows, columns) == (runs, k):
         return _td_gradients(q, w, batch, psi, gamma, kappa)
-    # what networks pass on for all weights at once would not fit into the cache
+    # the values of hidden units for all weights at once would not fit into the cache
     gradients = torch.empty_like(w)
     for at in range(0, runs, rows):
         transitions = Transition(*(x[at : at + rows] for x in batch))

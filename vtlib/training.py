@@ -13,7 +13,7 @@ from torch import Tensor
 from vtlib.episodes import Episodes, GymEpisodes
 from vtlib.replay import Transition
 
-FINGERPRINTS = (1, 49, 199)  # not at the end of an episode, where all runs look alike
+FINGERPRINTS = (1, 49, 199)  # iterations within an episode: at its end all runs look alike
 
 
 class Agent(Protocol):

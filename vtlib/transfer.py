@@ -164,8 +164,8 @@ class VariationalTransfer:
 
     def act(self, obs: Tensor, fresh: Tensor) -> Tensor:
         """Greedy actions (R,) of one posterior sample; fresh (R,) marks first steps of episodes."""
-        # drawn at every step, used or not: a run's stream must not depend on when its neighbours'
-        # episodes end
+        # a sample is drawn at every step, used or not: a run's stream must not depend on when its
+        # neighbours' episodes end
         draw = self._thompson()
         if self._settings.act == "step":
             self._acting = draw

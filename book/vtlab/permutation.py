@@ -21,7 +21,7 @@ def same_distribution_p(a: ndarray, b: ndarray, rng: Generator, draws: int = 10_
         permutation_type="samples",
         vectorized=True,
         n_resamples=draws,
-        batch=1_000,  # a million draws of many runs need not stand in memory at once
+        batch=1_000,  # so that not all draws stand in memory at once
         alternative="greater",
         rng=rng,
     )

@@ -116,7 +116,7 @@ def exists(path: Path) -> bool:
 
 
 def remove(path: Path) -> None:
-    """Delete a stored result, provenance first, so that what is left is never taken for it."""
+    """Delete a stored result, provenance first: without it arrays are never taken for a result."""
     for ending in (".json", ".npz"):
         path.with_name(path.name + ending).unlink(missing_ok=True)
 
@@ -130,7 +130,7 @@ def same_arrays(a: Arrays, b: Arrays) -> bool:
 
 
 def machine(device: str = "cpu") -> dict[str, str]:
-    """Versions and processor, the device unless it is that, and whether there are no kernels."""
+    """Versions and processor, the graphics card if one is used, and kernels: "none" without."""
     parts = {} if device == "cpu" else {"device": torch.cuda.get_device_name(device)}
     if native.level() is None:
         parts["kernels"] = "none"

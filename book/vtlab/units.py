@@ -17,7 +17,7 @@ from vtlib import __version__
 from vtlib.training import arithmetic
 
 BATCH = 10  # runs that advance together; fixed, so that results never depend on the workers
-SOURCE_BATCH = 25  # at most: a small pool is cut in two, for two cores
+SOURCE_BATCH = 25  # at most; a smaller pool is cut in two, so that two cores can share it
 
 
 @frozen

@@ -19,12 +19,12 @@ from vtlab.units import Unit, compute, joined, shared_by_all, units_with
 from vtlib.checks import check_whole
 from vtlib.rng import generator
 
-# Two machines round differently; what a change of the method, the seeds or the tasks does is
-# larger by orders of magnitude.
+# Two machines round differently, by less than this; a change of the method, the seeds or the tasks
+# alters numbers by orders of magnitude more.
 RELATIVE = ABSOLUTE = 1e-3
 BEGINNING = 2  # fingerprints, of iterations 1 and 49; at the third, rounding has moved many runs
-ARITHMETIC = "processor", "device", "kernels", "torch", "numpy"  # of a machine
-EARNED = "learning", "greedy", "fresh"  # by runs, and by sources
+ARITHMETIC = "processor", "device", "kernels", "torch", "numpy"  # what rounding depends on
+EARNED = "learning", "greedy", "fresh"  # arrays of returns, of runs and of sources
 # How often equal results are called different: hardly once among some 1,500.
 LEVEL = 1e-4
 DRAWS = 100_000  # exchanges, where 10,000 cannot tell whether a p value is below the level

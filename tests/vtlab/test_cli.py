@@ -33,7 +33,7 @@ def main(*arguments) -> int:
 
 
 def refused(capsys, *arguments) -> str:
-    """The one line with which a command ends that was refused."""
+    """The one line with which a refused command ends."""
     assert main(*arguments) == 2
     error = capsys.readouterr().err
     *bar, line = error.splitlines()
@@ -75,11 +75,14 @@ def test_reproduce_computes_anew_and_names_what_differs(
     assert re.fullmatch(r"tiny: \d+ s of one core, \d+ MB at most in a process", lines[2])
     assert lines[-1] == "4 results compared, all the same"
     rewrite("tiny/GVT", greedy=np.full((3, 11), 0.95, np.float32))
+    store.remove(stored / "tiny/NT")
     assert main(*arguments, "--runs", 1) == 1
     *lines, last = capsys.readouterr().out.splitlines()
-    assert "  GVT: DIFFERS in greedy of [0]" in lines
+    assert {"  GVT: DIFFERS in greedy of [0]", "  NT: nothing stored to compare with"} <= {*lines}
     assert last == "4 results compared, 1 not the same"
     assert {p.name for p in (tmp_path / "_build").iterdir()} == {"reproduced", "reproduced-1"}
+    line = refused(capsys, "reproduce", "--results", tmp_path / "_build" / "reproduced")
+    assert "compared with others than themselves" in line
 
 
 def test_the_book_offers_its_experiments_and_help_names_those_that_are_known(capsys):
@@ -177,16 +180,10 @@ def test_killed_workers_and_a_device_that_is_not_there_end_a_command(capsys, mon
 def test_only_runs_that_transfer_are_computed_on_the_device(stored, monkeypatch):
     monkeypatch.setattr(torch.cuda, "device_count", lambda: 2)
     monkeypatch.setattr(torch.cuda, "get_device_name", lambda device: f"a card called {device}")
-    devices, real = {}, run.run_batch
-
-    def spy(experiment, label, runs, weights, device):
-        devices[label] = device
-        return real(experiment, label, runs, weights)
-
-    monkeypatch.setattr(run, "run_batch", spy)
+    real = run.run_batch
+    monkeypatch.setattr(run, "run_batch", lambda *unit, device: real(*unit))
     for name in RESULTS[1:]:
         store.remove(stored / name)
     assert main("run", "tiny", "--results", stored, "--device", "cuda:1") == 0
-    assert devices == {"NT": "cpu", "GVT": "cuda:1"}
     machines = [store.provenance(stored / name)["machine"] for name in RESULTS]
     assert [x.get("device") for x in machines] == [None, None, None, "a card called cuda:1"]

@@ -6,7 +6,6 @@ import json
 import math
 import tempfile
 from pathlib import Path
-from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -112,17 +111,6 @@ def test_what_the_files_cannot_hold_leaves_no_result(tmp_path):
     with pytest.raises(TypeError):
         store.save(tmp_path / "x", ARRAYS, {"seconds": np.float32(1)})
     assert not any(tmp_path.iterdir())
-
-
-def test_an_error_between_the_two_files_leaves_no_result(tmp_path, monkeypatch):
-    with monkeypatch.context() as patched:
-        full = OSError(28, "No space left on device")
-        patched.setattr(store, "write_bytes", Mock(side_effect=[None, full]))
-        with pytest.raises(OSError, match="No space"):
-            store.save(tmp_path / "x", ARRAYS, NOTE)
-    assert not store.exists(tmp_path / "x")
-    store.save(tmp_path / "x", ARRAYS, NOTE)
-    assert store.same_arrays(store.read(tmp_path / "x")[0], ARRAYS)
 
 
 def saved(owner, label, root, arrays):

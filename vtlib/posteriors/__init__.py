@@ -16,7 +16,7 @@ from vtlib.rng import Stream
 
 __all__ = ["COVARIANCES", "Descent", "Diagonal", "Posterior"]
 
-MANY = 400  # weights from which on blocks pay; below, the cache holds L [measured]
+MANY = 400  # from so many weights on blocks are faster: the cache no longer holds L
 
 
 def _full(

@@ -41,7 +41,7 @@ class Fused(NativePosterior):
         gradients, before, kl_weight = self._waiting or (noise[:, :0], noise[:, :0], 0.0)
         self._descent.n_samples = gradients.shape[1]
         arrays = self._memory, self._W, self._WL, gradients, before, noise, out
-        # runs whose priors differ in scale go one by one
+        # runs whose priors differ in scale are passed one by one
         scale, components = self._precision.scale, self.mu.shape[1]
         count = components if isinstance(scale, Tensor) else len(z)
         for run, parts in enumerate(zip(*(x.split(count) for x in arrays), strict=True)):

@@ -11,7 +11,7 @@ from vtlib.posteriors.base import FactorPosterior
 from vtlib.posteriors.dense import start_factors
 from vtlib.priors import Start
 
-MOST_SAMPLES = 16  # the kernels' lanes
+MOST_SAMPLES = 16  # lanes of the kernels
 LARGEST = 3e38  # stands for no clipping
 
 
@@ -61,7 +61,7 @@ class NativePosterior(FactorPosterior):
         d = self._descent.d
         factors = torch.zeros(len(self._memory), d, d)
         for factor, memory in zip(factors, self._memory, strict=True):
-            copy = memory.clone()  # the kernel may have to work on it
+            copy = memory.clone()  # the kernel may change it
             self._function("unpack")(d, at(factor), at(copy))
         return factors
 

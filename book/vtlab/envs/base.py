@@ -105,9 +105,9 @@ class Plane:
     axes: tuple[int, int]
     ends: tuple[tuple[float, float], tuple[float, float]]
     labels: tuple[str, str]
-    units: tuple[float, float]  # of the labels, in those of the state
-    values: tuple[float, float]  # the range of the colours
-    start: tuple[float, ...]  # of a policy's path
+    units: tuple[float, float]  #: Units of the labels, in those of the state.
+    values: tuple[float, float]  #: Range of the colours.
+    start: tuple[float, ...]  #: State from which a policy's path is drawn.
 
 
 @frozen
@@ -127,7 +127,7 @@ class TaskFamily(ABC):
     plane: ClassVar[Plane | None] = None
     kernel: ClassVar[str] = ""
 
-    # Tasks are Any here: each family has its own kind of them.
+    # Tasks are Any here, because each family has its own class of them.
 
     @abstractmethod
     def q(self) -> QFunction:
@@ -181,5 +181,5 @@ def float_array(name: str, value: ArrayLike) -> np.ndarray:
         array = np.asarray(None)
     if array.dtype.kind not in "iuf":
         raise ValueError(f"{name} must be a number or an array of numbers, got {shown(value)}")
-    with np.errstate(over="ignore"):  # what becomes infinite is refused by those that ask
+    with np.errstate(over="ignore"):  # callers refuse infinity
         return array.astype(np.float32)

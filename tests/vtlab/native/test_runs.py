@@ -116,10 +116,13 @@ def test_any_configuration_that_is_taken_is_the_engines(family, algorithm, sourc
     assert np.abs(agent.mu[0].numpy() - alone.mu).max() < 5e-3
 
 
-def test_progress_may_stop_runs_and_one_that_diverged_is_named():
+def test_progress_may_stop_runs_on_two_threads_and_one_that_diverged_is_named(monkeypatch):
+    together, advance = threading.Barrier(2, timeout=60), NativeRun.advance
     runs, alone = ([both(ROOMS, LEARNER, run)[0] for run in (3, 4)] for _ in range(2))
     arguments = runs, lambda mu: mu.sum((1, 2)), 100, 20, ["a", "b"]
-    stop = train_natively(*arguments, lambda t: t < 60)
+    with monkeypatch.context() as patched:
+        patched.setattr(NativeRun, "advance", lambda *x: (together.wait(), advance(*x)))
+        stop = train_natively(*arguments, lambda t: t < 60, threads=2)
     assert stop.iterations.tolist() == [20, 40, 60]
     assert stop.fingerprints.shape == (2, 2, 4)
     for run, mean in zip(alone, stop.greedy[:, -1], strict=True):
@@ -128,23 +131,6 @@ def test_progress_may_stop_runs_and_one_that_diverged_is_named():
     runs[1].mu[:] = np.nan
     with pytest.raises(Diverged, match="b diverged"):
         train_natively(*arguments)
-
-
-def test_as_many_runs_advance_at_once_as_there_are_threads(monkeypatch):
-    together, advance = threading.Barrier(2, timeout=60), NativeRun.advance
-
-    def met(run, iterations):
-        together.wait()
-        advance(run, iterations)
-
-    monkeypatch.setattr(NativeRun, "advance", met)
-    runs = [both(ROOMS, Settings(), run)[0] for run in (3, 4)]
-    found = train_natively(runs, lambda mu: mu.sum((1, 2)), 40, 20, ["a", "b"], threads=2)
-    monkeypatch.undo()
-    for run, mean in zip((3, 4), found.greedy[:, -1], strict=True):
-        alone = both(ROOMS, Settings(), run)[0]
-        alone.advance(40)
-        assert alone.mu.sum() == pytest.approx(mean, rel=1e-4)
 
 
 def test_what_the_kernels_do_not_know_is_left_to_the_engine(monkeypatch):

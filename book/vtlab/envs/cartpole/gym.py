@@ -69,6 +69,6 @@ class CartpoleEnv(TasksEnv):
         **options: Any,
     ) -> None:
         tasks = Cartpole.of(1, cart_mass=cart_mass, pole_mass=pole_mass, half_length=half_length)
-        # Twice the limits, as in Gymnasium: the observation that ends an episode lies inside too.
+        # The space has twice the limits, as in Gymnasium, so that last observations lie inside.
         high = np.array([2 * POSITION_LIMIT, np.inf, 2 * ANGLE_LIMIT, np.inf], np.float32)
         super().__init__(tasks, spaces.Box(-high, high, dtype=np.float32), **options)

@@ -51,7 +51,7 @@ class Cartpole(ParameterBatch):
         inertia = self.half_length * (4 / 3 - self.pole_mass * cos.square() / mass)
         turning = (GRAVITY * sin - cos * push) / inertia  # rad/s^2
         acceleration = push - moment * turning * cos / mass  # m/s^2
-        # Euler's method: every rate is that before the step, as in Gymnasium.
+        # By Euler's method all rates are those before the step, as in Gymnasium.
         next_state = state + TIME_STEP * torch.stack([velocity, acceleration, spin, turning], 1)
         fallen = next_state[:, 2].abs() > ANGLE_LIMIT
         terminated = fallen | (next_state[:, 0].abs() > POSITION_LIMIT)

@@ -23,7 +23,7 @@ def draw_maze(ax: Axes, tasks: Mazes, index: int = 0, state: ArrayLike | None = 
     ax.add_patch(Rectangle((x, y), 1, 1, color=FLAG, lw=0))
     cells = np.argwhere(tasks.walls[index].numpy())
     blocks = [Rectangle((x, y), 1, 1) for x, y in cells.tolist()]
-    # Outlined, for the eye sees seams between blocks that only touch.
+    # Blocks have outlines, because blocks that only touch show seams.
     ax.add_collection(PatchCollection(blocks, facecolor=WALL, edgecolor=WALL, lw=1))
     if state is not None:
         pose = np.asarray(state, np.float32)

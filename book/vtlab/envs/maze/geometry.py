@@ -13,18 +13,18 @@ import numpy as np
 from attrs import frozen
 
 SIDE = 10  # cells, each 1 m wide
-REACH = 2.0  # m, of the sensors
-# For the robot's centre walls are this much wider (m): so it never touches one, whatever float32
-# makes of its position, nor slips between two that only touch at a corner.
+REACH = 2.0  # m that the sensors see
+# Walls are this much wider (m) for the robot's centre. So it never touches one, however float32
+# rounds its position, and never slips between two that touch only at a corner.
 CLEARANCE = 0.01
 LONGEST_MOVE = 0.95  # m along either axis: such a move meets at most one line of each kind
-# A hair further from the border (m), or a robot that slides along it would touch it.
+# The border is a hair wider (m), or a robot that slides along it would touch it.
 BORDER = CLEARANCE + 1e-5
-# A blocked move ends this share of it earlier: a robot that has run into a wall head-on can still
-# drive along it.
+# A blocked move ends earlier by this share of it, so that a robot that has run into a wall head-on
+# can still drive along it.
 BACK_OFF = 2e-4
 
-PADDING = 2  # cells of wall around the square: as far as a ray or a move can look beyond it
+PADDING = 2  # cells of wall around the square, as far as a ray or a move can reach beyond it
 WIDTH = SIDE + 2 * PADDING
 # Contents of cells. The larger of a distance and WALL is the distance; the larger of a distance
 # and anything else is at least REACH.  The same holds for GOAL - contents at the goal.
@@ -33,8 +33,8 @@ WALL, FREE, GOAL = 0.0, REACH, 2 * REACH
 _QUARTERS = np.array([0.0, math.pi / 2])  # the cosine of an angle less this is its cosine, its sine
 _STRIDE = np.array([[float(WIDTH)], [1.0]])  # (2, 1): from a cell to the next along x, along y
 _LINES = np.array([0.0, 1.0]).reshape(2, 1, 1, 1)  # the first and the second line met
-# Either side of the robot; a hair more than the clearance, for one that aims at a corner exactly
-# would else meet neither of its sides.
+# Both sides of the robot, a hair more than the clearance away: else a robot that aims exactly at a
+# corner would meet neither of its walls.
 _EDGES = (CLEARANCE + 1e-9) * np.array([-1.0, 1.0]).reshape(2, 1, 1)
 
 
@@ -100,9 +100,9 @@ def advance(ground: Ground, position: np.ndarray, move: np.ndarray) -> np.ndarra
     aim = position + move.clip(-LONGEST_MOVE, LONGEST_MOVE)
     move = aim.clip(BORDER, SIDE - BORDER) - position
     cell, sign = np.floor(position), np.sign(move)
-    # The share of the move after which the robot's clearance meets the next cell, FREE where that
-    # is beyond its end. A robot that does not move along an axis divides by 0 there; fmin and
-    # fmax turn the infinity or NaN into a number.
+    # The share is that of the move after which the robot's clearance meets the next cell, and FREE
+    # where that is beyond the end. Where a robot does not move along an axis the division is by 0;
+    # fmin and fmax turn the infinity or NaN into a number.
     line = cell + 0.5 + (0.5 - CLEARANCE) * sign
     with np.errstate(divide="ignore", invalid="ignore"):
         share = np.fmax(np.fmin((line - position) / move, FREE), 0.0)

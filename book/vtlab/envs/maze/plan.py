@@ -12,7 +12,7 @@ from vtlib.rng import generator
 
 PER_CELL = 4  # nodes along a side of a cell, the outer ones where a robot touches its walls
 HEADINGS = 32
-RIM = 1.02 * CLEARANCE  # from a cell's side to its outer nodes: rounding must not make them touch
+RIM = 1.02 * CLEARANCE  # from a cell's side to its outer nodes, more than rounding could take
 EPISODES = 4000
 
 
@@ -63,7 +63,7 @@ def _locate(states: Tensor) -> tuple[Tensor, Tensor]:
     cell = place[:2].floor()
     within = (place[:2] - cell - RIM) / (1 - 2 * RIM) * (PER_CELL - 1)
     turn = place[2:] * (HEADINGS / (2 * math.pi))
-    # Headings go round for ever, which is as good as a grid without an end.
+    # Headings go round, so their grid has no end.
     cells = torch.tensor([PER_CELL - 1.0, PER_CELL - 1.0, math.inf])
     (x, y, heading), weight = around(torch.cat([within, turn]), cells)
     left, low = PER_CELL * cell.long().unsqueeze(2)

@@ -21,8 +21,8 @@ STEP_LENGTH = 0.5  # m
 TURN = math.pi / 8  # rad
 NOISE_SCALE = 0.05  # m, and rad
 SENSORS = 9
-# Of the rays, rad from the heading to the left. A hair off, for a ray that passes exactly through
-# the point where two walls touch, as with heading 0 from a cell's middle, would see between them.
+# Angles of the rays, rad from the heading to the left. They are a hair off, or a ray from a cell's
+# middle could pass exactly through the point where two walls touch.
 ANGLES = np.linspace(-math.pi / 2, math.pi / 2, SENSORS) + 1e-10
 _EFFECTS = np.array([[STEP_LENGTH, 0.0, 0.0], [0.0, TURN, -TURN]])  # m ahead, rad to the left
 

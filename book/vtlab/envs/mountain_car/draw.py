@@ -26,7 +26,7 @@ def draw_mountain_car(ax: Axes, tasks: MountainCar, index: int, state: ArrayLike
     ax.plot([GOAL, GOAL], [foot, top], color=INK, lw=1.5, zorder=1)
     flag = [(GOAL, top), (GOAL, top - 0.1), (GOAL - 0.13, top - 0.05)]
     ax.add_patch(Polygon(flag, color=FLAG, lw=0))
-    # Turned about the point where it stands, to the slope of the hill.
+    # The car is turned about the point where it stands, to the slope of the hill.
     slope = math.atan(3 * HILL * math.cos(3 * position))
     place = Affine2D().rotate(slope).translate(position, float(_height(position)))
     _draw_car(ax, place + ax.transData)

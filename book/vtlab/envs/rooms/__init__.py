@@ -17,7 +17,7 @@ from vtlib.qfunctions import RBFLinear
 
 __all__ = ["Rooms", "RoomsFamily"]
 
-START_CELLS = 50  # per axis, whose middles stand for starts anywhere
+START_CELLS = 50  # cells per axis; their middles stand for starts anywhere
 
 
 @frozen

@@ -15,9 +15,9 @@ from vtlab.envs.rooms.tasks import SIDE, Rooms
 from vtlib.checks import check_whole
 from vtlib.td import mellowmax
 
-SPACING = 1 / 6  # of the grid's nodes, about
+SPACING = 1 / 6  # between the grid's nodes, about
 QUADRATURE = 9  # points per axis that stand for the noise
-TOLERANCE = 1e-6  # endless sweeps stop when no value changes by more
+TOLERANCE = 1e-6  # sweeps without a number stop when no value changes by more
 
 
 @frozen(eq=False)
@@ -40,7 +40,7 @@ class Grid:
         """The grid of one task."""
         edges = torch.cat([torch.zeros(1), task.walls, torch.full((1,), SIDE)])
         bottom, top = edges[:-1], edges[1:].clone()
-        # A wall itself belongs to the room above: the room below ends just short of it.
+        # A wall belongs to the room above it, and the room below ends just short of it.
         top[:-1] = torch.nextafter(top[:-1], bottom[:-1])
         columns = round(SIDE / SPACING) + 1
         rows = max(2, round(float((top - bottom).max()) / SPACING) + 1)
@@ -110,7 +110,7 @@ def make_model(copies: Rooms, grid: Grid, noise: Tensor) -> tuple[csr_array, Ten
         index, weight = grid.locate(reached)
         weight = weight * ~terminated.unsqueeze(1) / len(noise)
         rewards.append(reward.view(-1, len(noise)).mean(1))
-        # Many noises land among the same nodes.
+        # Many noises end among the same nodes, whose entries are summed.
         starts = np.arange(len(rewards[-1]) + 1) * (index.shape[1] * len(noise))
         entries = weight.flatten().numpy(), index.flatten().numpy(), starts
         part = csr_array(entries, shape=(len(starts) - 1, len(grid.nodes)))

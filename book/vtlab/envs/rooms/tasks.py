@@ -81,8 +81,8 @@ class Rooms(TaskBatch):
     def step(self, state: Tensor, action: Tensor, noise: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         """Move every agent once; `action` is 0 for up, 1 for right, 2 for down and 3 for left."""
         self._check_step(state, action, noise)
-        # Scaling and adding stay separate operations, each rounded on its own: whether a kernel
-        # fuses them may depend on the row's place in the batch.
+        # Scaling and adding are separate operations, each of which rounds: whether a kernel fuses
+        # them may depend on the row's place in the batch.
         aimed = state + _MOVES[action] + NOISE_SCALE * noise
         proposed = aimed.clamp(0.0, SIDE)
         blocked = self._blocked(state, proposed)
@@ -101,10 +101,10 @@ class Rooms(TaskBatch):
         """Whether the segment from state to proposed crosses a wall outside its door: (R, 1)."""
         x, y = state.split(1, 1)
         dx, dy = (proposed - state).split(1, 1)
-        # A point on a wall counts as above it, before the step and after it: so nobody can stop
+        # A point on a wall counts as above it, before and after the step, so that nobody can stop
         # on the line and go on to the other side.
         crosses = (y < self.walls) != (proposed[:, 1:] < self.walls)
-        # dy is never 0 where a wall is crossed; what it gives elsewhere is masked by `crosses`.
+        # dy is never 0 where a wall is crossed, and `crosses` masks the other places.
         x_at_wall = x + dx * ((self.walls - y) / dy)
         outside = (x_at_wall - self.doors).abs() > DOOR_WIDTH / 2
         return torch.any(crosses & outside, 1, keepdim=True)

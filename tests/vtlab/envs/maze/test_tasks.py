@@ -171,16 +171,14 @@ def test_starts_are_uniform_over_free_cells_positions_and_headings():
     assert within.min() >= CLEARANCE - ROUNDING
     assert within.max() <= 1 - CLEARANCE + ROUNDING
     share = torch.cat([within, start[:, 2:] / (2 * math.pi)], 1)
-    # The deviation of a uniform number; the rim takes a little of it.
     assert (share.mean(0) - 0.5).abs().max() < 0.006
     assert (share.std(0) - 1 / math.sqrt(12)).abs().max() < 0.008
 
 
-@pytest.mark.parametrize("names", [("north-east 0", "south-west 14"), tuple(library())])
-def test_a_family_draws_its_mazes_evenly_and_has_them_as_sources(names):
-    family, expected = MazeFamily(names), 2000 / len(names)
-    drawn = family.sample(np.random.default_rng(3), 2000).walls
-    mazes, counts = drawn.unique(dim=0, return_counts=True)
-    assert (counts - expected).abs().max() < 5 * math.sqrt(expected)
+def test_a_family_draws_its_mazes_evenly_and_has_them_as_sources():
+    family, names = MazeFamily(), tuple(library())
+    walls = family.sample(np.random.default_rng(3), 2000).walls
+    mazes, counts = walls.unique(dim=0, return_counts=True)
+    assert (counts - 100).abs().max() < 50
     assert torch.equal(mazes, Mazes.of(names).walls.unique(dim=0))
     assert torch.equal(family.source_tasks("any", [1, 0]).walls, Mazes.of(names[1::-1]).walls)
