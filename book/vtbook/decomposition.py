@@ -26,7 +26,8 @@ def course(experiment: Experiment, label: str) -> np.ndarray:
 
 def difference(experiment: Experiment, label: str, other: str) -> np.ndarray:
     """How much more an algorithm earns over the course than another, on the same tasks (U,)."""
-    return course(experiment, label) - course(experiment, other)
+    gain: np.ndarray = course(experiment, label) - course(experiment, other)
+    return gain
 
 
 def lead_by_part(experiment: Experiment) -> dict[str, np.ndarray]:
