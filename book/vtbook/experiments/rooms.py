@@ -38,7 +38,6 @@ def _protocols(
     family: RoomsFamily,
     *counts: int,
     nt: MellowTDSettings = NT,
-    fine: bool = True,
     **fields: Any,
 ) -> Protocols:
     """An experiment as published and by the equations, with mixtures of so many components.
@@ -52,11 +51,7 @@ def _protocols(
         name,
         pool,
         family,
-        {
-            **transfer(PUBLISHED_GVT, PUBLISHED_MGVT, counts),
-            "NT": nt,
-            **(fine_tuning(nt) if fine else {}),
-        },
+        {**transfer(PUBLISHED_GVT, PUBLISHED_MGVT, counts), "NT": nt, **fine_tuning(nt)},
         each=True,
         **{"iterations": ITERATIONS, **fields},
     )
