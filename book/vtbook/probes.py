@@ -80,13 +80,14 @@ class CoverageProbe(Probe):
         self._obs = SIDE * u[..., :2]
         self._action = (u[..., 2] * Rooms.n_actions).long()
         kappas = None, self._settings.kappa
-        each = [[self._planned(tasks, i, kappa) for i in range(len(runs))] for kappa in kappas]
-        self._truths = torch.stack([torch.stack(rows) for rows in each])
-
-    def _planned(self, tasks: Rooms, index: int, kappa: float | None) -> Tensor:
-        # endless: a transition that the horizon cuts off is bootstrapped like any other
-        values = plan_rooms(tasks, index, None, kappa).q(self._obs[index])
-        return values.gather(1, self._action[index].unsqueeze(1)).squeeze(1)
+        rows = torch.arange(self._count)
+        truths = [
+            # endless: a transition that the horizon cuts off is bootstrapped like any other
+            plan_rooms(tasks, i, None, kappa).q(self._obs[i])[rows, self._action[i]]
+            for kappa in kappas
+            for i in range(len(runs))
+        ]
+        self._truths = torch.stack(truths).view(len(kappas), len(runs), -1)
 
     def _note(self, agent: VariationalTransfer) -> dict[str, Tensor]:
         values = values_at(self._q, self._samples(agent, SAMPLES), self._obs, self._action)

@@ -23,21 +23,24 @@ def zero_shot(
     weights (count, d) are those of the pool's sources; or by the mean of a run's own. Source:
     Barreto et al. (2017), generalised policy improvement.
     """
-    runs, family = range(experiment.runs), experiment.family
     check_pool_weights(experiment.pool, weights)
-    rng = Rng(f"{experiment.stream} zero-shot", runs)
-    evaluate = Evaluation(family.q(), targets(experiment, runs), rng, episodes, "max")
-    sources = torch.from_numpy(weights[chosen_sources(experiment, runs)])
-    return evaluate(sources.mean(1, keepdim=True) if of_mean else sources).numpy()
+    sources = torch.from_numpy(weights[chosen_sources(experiment, range(experiment.runs))])
+    if of_mean:
+        sources = sources.mean(1, keepdim=True)
+    stream = f"{experiment.stream} zero-shot"
+    return greedy_returns(experiment, sources, stream, episodes, over="max")
 
 
 def greedy_returns(
-    experiment: Experiment, weights: Tensor, stream: str, episodes: int = 20
+    experiment: Experiment, weights: Tensor, stream: str, episodes: int = 20, over: str = "each"
 ) -> np.ndarray:
-    """What the greedy policies of weights (R, C, d) earn in each run's task, by their mean (R,)."""
+    """What the greedy policies of weights (R, C, d) earn in each run's task, (R,).
+
+    over: as for ``Evaluation``, by default the mean of the C policies.
+    """
     runs = range(experiment.runs)
     noise, tasks = Rng(stream, runs), targets(experiment, runs)
-    return Evaluation(experiment.family.q(), tasks, noise, episodes, "each")(weights).numpy()
+    return Evaluation(experiment.family.q(), tasks, noise, episodes, over)(weights).numpy()
 
 
 def at_start(

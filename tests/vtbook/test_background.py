@@ -81,3 +81,13 @@ def test_no_other_posterior_has_a_smaller_bound(background, beta):
     # a small beta recovers the fit, and a charge for the distance
     small = background.catoni_bound(0.2, 1.5, 10**9, 1e-4)
     assert small == pytest.approx(0.2 + (1.5 + np.log(20)) / (1e-4 * 1e9), rel=1e-3)
+
+
+def test_the_bound_fails_in_no_more_than_delta_of_the_samples(background):
+    rng = np.random.default_rng(4)
+    losses = background.draw_losses(100_000, rng)
+    assert np.abs(losses.mean(0) - background.TRUE_RISK).max() < 0.008
+    fresh = [background.risks(x, 1.0) for x in losses[:15_000].reshape(300, 50, -1)]
+    empirical, true, bound = np.transpose(fresh)
+    assert np.mean(true > bound) <= background.DELTA
+    assert np.mean(true > empirical) > 0.3  # the empirical risk itself is no bound

@@ -83,6 +83,9 @@ def test_gains_are_paired_by_run_and_those_of_published_curves_cannot_be():
     # 3-4-5: errors of independent means
     assert near(c.gain(d, 500), 0.5, 5 / 4)
     assert near(c.gain_until(d, 1_000), 2.5 / 4, 5 / 4)
+    # a lead of two grows to four, and luck that stays cancels
+    assert near(a.growth(b, 500, 1_500), 0.5)
+    assert near(c.growth(d, 500, 1_500), 0.5, 2**0.5 * 5 / 4)
 
 
 def test_spreads_and_ratios_compare_with_the_other_algorithm():
@@ -90,6 +93,8 @@ def test_spreads_and_ratios_compare_with_the_other_algorithm():
     assert near(a.spread(b, 1_000), 3)  # of whole pairs: each resample keeps the ratio
     assert float(a.ratio(b, 500).centre) == 2.5
     assert near(printed([5, 6, 7], 3.0).spread(printed([1, 1, 1], 2.0), 500), 1.5)
+    # relative errors of 3/5 and 4/10, of independent means
+    assert near(printed([5] * 3, 3.0).ratio(printed([10] * 3, 4.0), 500), 0.5, 0.13**0.5)
 
 
 def test_runs_that_miss_their_own_optimum_by_a_tenth_are_solved_with_wilsons_interval():

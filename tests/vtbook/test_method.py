@@ -73,6 +73,15 @@ def test_noise_biases_the_solution_where_descent_ends_as_in_closed_form(method, 
     assert_close(method.solution(method.shared, psi), torch.zeros(2).double())
 
 
+@pytest.mark.parametrize("psi", [0.0, 0.1, 0.2, 0.3, 0.5, 1.0])
+def test_descent_grows_or_shrinks_as_the_eigenvalues_say(method, psi):
+    shared = method.shared
+    grows = bool(method.descend(shared, STARTS, psi)[-1].norm() > STARTS.norm())
+    # The page says from where on descent converges: there the trace of the linear part vanishes.
+    semi, full = (float(method.linear_part(shared, p)[0].trace()) for p in (0.0, 1.0))
+    assert grows == (method.slowest_rate(shared, psi) < 0) == (psi < semi / (semi - full))
+
+
 @pytest.mark.parametrize("shift", [0.0, 1.5])
 @pytest.mark.parametrize("correlation", [-0.8, 0.3, 0.9])
 def test_parts_are_the_terms_of_eq_5_7_and_pull_is_minus_eq_5_8(method, shift, correlation):
@@ -97,3 +106,14 @@ def test_sampled_kl_agrees_with_quadrature_and_the_bound_lies_above(method):
     assert standard.abs().max() < 4
     assert 0.5 < standard.std() < 1.5  # the stated errors are those made
     assert (method.bounds >= exact).all()
+
+
+def test_held_out_densities_use_only_the_others(method):
+    logs, eye = [], torch.eye(6).double()
+    for k, w in enumerate(SOURCES):
+        rest = torch.cat([SOURCES[:k], SOURCES[k + 1 :]])
+        kernels = MultivariateNormal(rest, 0.49 * eye)
+        fitted = MultivariateNormal(rest.mean(0), rest.T.cov(correction=0) + 1e-4 * eye)
+        logs.append((kernels.log_prob(w).exp().mean().log(), fitted.log_prob(w)))
+    found = method.held_out_kernels(SOURCES, 0.7), method.held_out_gaussian(SOURCES)
+    assert found == pytest.approx(torch.tensor(logs).mean(0).tolist())

@@ -6,9 +6,7 @@ import numpy as np
 import pytest
 
 from vtbook import verdicts
-from vtbook.claims import NOT, Runs
-from vtbook.experiments.grids import count_name
-from vtbook.experiments.rooms import ROOMS_SOURCES
+from vtbook.claims import NOT
 
 BOOK = Path(__file__).parents[2] / "book"
 
@@ -27,10 +25,3 @@ def test_every_claim_can_be_told_once_and_the_published_curves_keep_it(page):
         for number in (*one.numbers.values(), one.printed or (0, 0, 0)):
             assert np.isfinite(number).all()
             assert number[1] <= number[0] <= number[2]
-
-
-def test_the_number_of_sources_is_judged_by_the_runs_of_each_protocol():
-    claim = verdicts.rooms_number_of_sources()[0]
-    for protocol, experiment in ROOMS_SOURCES._asdict().items():
-        pair = [Runs.of(experiment, count_name(x, 2)) for x in ("GVT", "1-MGVT")]
-        assert claim.numbers[protocol] == Runs.ratio(*pair, verdicts.rooms.SOURCES_AT[0])

@@ -4,27 +4,16 @@ import threading
 from unittest.mock import Mock
 
 import numpy as np
-import pytest
 from attrs import evolve
 from xarray import Dataset
 
 from vtbook import processors, rerun, widgets
-from vtbook.experiments.cartpole import CARTPOLE
-from vtbook.experiments.maze import MAIN, MAZE_TARGETS
-from vtbook.experiments.mountain_car import CAR
-from vtbook.experiments.protocols import FROM_MEAN, transfer_settings
+from vtbook.experiments.protocols import transfer_settings
 from vtbook.experiments.rooms import ROOMS_EVALUATION
 from vtbook.widgets import LivePanel
-from vtlab.store import returns, weights
 
 TINY = evolve(ROOMS_EVALUATION.equations, runs=3, sources=2, iterations=400, every=100)
 MGVT = transfer_settings(TINY, "1-MGVT")
-PAGES = {  # the experiment of each page that has a panel, and what is drawn beside
-    "rooms_evaluation": (ROOMS_EVALUATION, ("NT", "GVT")),
-    "cartpole": (CARTPOLE, ("DDQN", FROM_MEAN)),
-    "mountain_car": (CAR, ("DDQN", FROM_MEAN)),
-    "mazes": (MAZE_TARGETS[MAIN], ("DDQN", FROM_MEAN)),
-}
 WEIGHTS = 0.1 * np.random.default_rng(0).random((50, TINY.family.q().d), dtype=np.float32)
 
 
@@ -34,14 +23,6 @@ def panel_of(experiment=TINY):
     data = {"learning": curve, "greedy": curve, "optimum": ("run", np.ones(3))}
     stored = Dataset(data, {"iteration": np.arange(100, 500, 100)})
     panel = LivePanel(experiment, WEIGHTS, {"NT": stored, "GVT": stored}, runs=2, iterations=200)
-    return panel, parts_of(panel)
-
-
-def panel_of_page(name):
-    """The panel of a page, for a short training, and its parts."""
-    (here, _), labels = PAGES[name]
-    stored = {label: returns(here, label) for label in labels}
-    panel = LivePanel(here, weights(here.pool), stored, runs=2, iterations=200)
     return panel, parts_of(panel)
 
 
@@ -112,14 +93,6 @@ def test_a_panel_trains_what_its_sliders_say_on_the_stored_random_numbers(monkey
         assert (experiment.stream, list(runs)) == (TINY.stream, [0, 1])
         assert given is WEIGHTS
     assert "of NT, GVT, 2-MGVT, just now." in parts["HTML"].value
-
-
-@pytest.mark.parametrize("name", PAGES)
-def test_the_panel_of_each_page_trains(name):
-    panel, parts = panel_of_page(name)
-    before = parts["HTML"].value
-    assert trained(panel, parts) == "done at 200"
-    assert parts["HTML"].value != before
 
 
 def test_any_error_is_shown_and_the_next_training_runs(monkeypatch):

@@ -13,7 +13,7 @@ import numpy as np
 from attrs import evolve, frozen
 
 from vtbook.experiments.cartpole import CARTPOLE
-from vtbook.experiments.mountain_car import CAR, FLOOR
+from vtbook.experiments.mountain_car import CAR, floor_of
 from vtbook.experiments.protocols import transfer_settings
 from vtbook.experiments.rooms import ROOMS_CHANGE, ROOMS_EVALUATION
 from vtbook.neighbours import (
@@ -76,7 +76,6 @@ SPACES: dict[str, dict[str, tuple[Any, ...]]] = {
 class Compared:
     """An environment in which algorithms are compared over so many iterations of an experiment.
 
-    floor: the return of an agent that never does what the task asks, which counts as nothing.
     chosen: the number of each algorithm's best candidate, in the order of `SPACES`. diverged:
     candidates that were tried and whose weights did not stay finite; they are out. first: the
     iteration from which returns count, where none is 0 for want of an episode that has ended.
@@ -86,17 +85,12 @@ class Compared:
     experiment: Experiment
     iterations: int
     chosen: tuple[int, ...]
-    floor: float = 0.0
     diverged: tuple[str, ...] = ()
     first: int = 0
 
     def earned(self, experiment: Experiment, label: str) -> np.ndarray:
         """Stored learning returns (R,), averaged over all iterations, as shares of the optimum."""
-        stored = returns(experiment, label)
-        optimum = float(stored.optimum.mean())
-        counted = stored.learning.sel(iteration=slice(self.first, None))
-        mean = counted.mean("iteration").values
-        return np.asarray((mean - self.floor) / (optimum - self.floor))
+        return mean_shares(experiment, label, self.first)
 
     def default(self, label: str) -> Algorithm:
         """An algorithm before it is tuned: as the thesis sets it, or as its own source does."""
@@ -156,6 +150,15 @@ class Compared:
         )
 
 
+def mean_shares(
+    experiment: Experiment, label: str, first: int = 0, last: int | None = None
+) -> np.ndarray:
+    """Stored learning returns (R,), averaged over some iterations, as shares of the optimum."""
+    stored, floor = returns(experiment, label), floor_of(experiment)
+    mean = stored.learning.sel(iteration=slice(first, last)).mean("iteration").values
+    return np.asarray((mean - floor) / (float(stored.optimum.mean()) - floor))
+
+
 def candidate(label: str, number: int) -> str:
     """The name under which a candidate is stored; number 0 is the default."""
     return f"{label}, setting {number}"
@@ -205,7 +208,6 @@ ENVIRONMENTS = (
         CAR.published,
         iterations=3_000,
         chosen=(5, 1, 6, 0, 4, 3, 0, 1, 5, 1, 4, 1),
-        floor=FLOOR,
         first=200,
     ),
 )

@@ -38,7 +38,6 @@ def _protocols(
     family: RoomsFamily,
     *counts: int,
     nt: MellowTDSettings = NT,
-    fine: bool = True,
     **fields: Any,
 ) -> Protocols:
     """An experiment as published and by the equations, with mixtures of so many components.
@@ -52,11 +51,7 @@ def _protocols(
         name,
         pool,
         family,
-        {
-            **transfer(PUBLISHED_GVT, PUBLISHED_MGVT, counts),
-            "NT": nt,
-            **(fine_tuning(nt) if fine else {}),
-        },
+        {**transfer(PUBLISHED_GVT, PUBLISHED_MGVT, counts), "NT": nt, **fine_tuning(nt)},
         each=True,
         **{"iterations": ITERATIONS, **fields},
     )
@@ -76,16 +71,16 @@ THREE_ROOMS = Pool("rooms-3-sources", RoomsFamily(rooms=3))
 ROOMS_EVALUATION = _protocols("rooms-evaluation", THREE_ROOMS, RoomsFamily(rooms=3), 3)
 
 PUBLISHED: dict[str, Algorithm] = {"GVT": PUBLISHED_GVT, "1-MGVT": PUBLISHED_MGVT}
-# By the name of a page's experiment: its settings with one ingredient changed, and its frontier.
-INGREDIENTS: dict[str, Experiment] = {}
-FRONTIERS: dict[str, Experiment] = {}
 
 
-def _one_at_a_time(both: Protocols, count: int | None = None, **fields: Any) -> None:
+def _one_at_a_time(
+    both: Protocols, count: int | None = None, **fields: Any
+) -> tuple[Experiment, Experiment]:
     """From the published settings to those of the equations, one ingredient at a time.
 
-    And with the lambda by which the other method's prior pulls as hard, lambda / sigma^2. count: of
-    sources, all of them by default.
+    And with the lambda by which the other method's prior pulls as hard, lambda / sigma^2. The
+    second experiment has the text's frontier, which stops agents. count: of sources, all of them by
+    default.
     """
     algorithms: dict[str, Algorithm] = {
         **PUBLISHED,
@@ -96,11 +91,9 @@ def _one_at_a_time(both: Protocols, count: int | None = None, **fields: Any) -> 
     }
     published, family = both.published, both.published.family
     assert isinstance(family, RoomsFamily)
-    for experiments, name, rooms, changes in (
-        (INGREDIENTS, "ingredients", family, algorithms),
-        (FRONTIERS, "frontier", evolve(family, stops=True), PUBLISHED),
-    ):
-        experiments[published.name] = evolve(
+
+    def variant(name: str, rooms: RoomsFamily, changes: dict[str, Algorithm]) -> Experiment:
+        return evolve(
             published,
             name=f"{published.name}-{name}",
             family=rooms,
@@ -108,6 +101,9 @@ def _one_at_a_time(both: Protocols, count: int | None = None, **fields: Any) -> 
             counts=dict.fromkeys(changes, count) if count else {},
             **fields,
         )
+
+    stopping = evolve(family, stops=True)
+    return variant("ingredients", family, algorithms), variant("frontier", stopping, PUBLISHED)
 
 
 # Half as far as the figure: the thesis compares GVT and 1-MGVT at 5,000 iterations.
@@ -177,7 +173,6 @@ ROOMS_CHANGE = _protocols(
     RoomsFamily(rooms=3),
     3,
 )
-_one_at_a_time(ROOMS_CHANGE, iterations=INGREDIENT_ITERATIONS)
 TWO_ROOMS = Pool("rooms-2-sources", RoomsFamily(rooms=2))
 ROOMS_EXPLORATION = _protocols(
     "rooms-exploration",
@@ -188,8 +183,6 @@ ROOMS_EXPLORATION = _protocols(
     iterations=2_000,
     visits=True,
 )
-
-_one_at_a_time(ROOMS_EXPLORATION)
 
 LIKELIHOOD_DOORS = (5.0, 1.8)  # mean and standard deviation of the door, in section 6.1.4
 NORMAL = RoomsFamily(rooms=2, normal=LIKELIHOOD_DOORS)
@@ -205,8 +198,6 @@ ROOMS_LIKELIHOOD = _protocols(
 ROOMS_LIKELIHOOD = ROOMS_LIKELIHOOD._replace(
     published=evolve(ROOMS_LIKELIHOOD.published, family=RoomsFamily(rooms=2, ladder=19), runs=380)
 )
-# Five runs at each of the published doors.
-_one_at_a_time(ROOMS_LIKELIHOOD, runs=95, runs_per_task=5)
 
 SOURCE_COUNTS = tuple(range(2, 11))
 
@@ -229,7 +220,16 @@ _COUNTED = _protocols(
     "rooms-number-of-sources", TWO_ROOMS, RoomsFamily(rooms=2), 2, iterations=1_950, every=50
 )
 ROOMS_SOURCES = Protocols(*map(_by_count, _COUNTED))
-_one_at_a_time(_COUNTED, count=2)
+_VARIANTS = (
+    _one_at_a_time(ROOMS_CHANGE, iterations=INGREDIENT_ITERATIONS),
+    _one_at_a_time(ROOMS_EXPLORATION),
+    # five runs at each of the published doors
+    _one_at_a_time(ROOMS_LIKELIHOOD, runs=95, runs_per_task=5),
+    _one_at_a_time(_COUNTED, count=2),
+)
+# By the name of a page's experiment.
+INGREDIENTS = {e.name.removesuffix("-ingredients"): e for e, _ in _VARIANTS}
+FRONTIERS = {e.name.removesuffix("-frontier"): e for _, e in _VARIANTS}
 # Learners that know of one source, or of none.
 ROOMS_SOURCES_ALONE = evolve(
     _COUNTED.published,
