@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterable
 from functools import wraps
-from typing import Any
+from typing import Any, Concatenate, ParamSpec
 
 import matplotlib as mpl
 from matplotlib.axes import Axes
@@ -20,15 +20,16 @@ FINE: dict[Any, Any] = {  # by matplotlib's names of its settings, beside those 
     "lines.linewidth": 1.5,
 }
 
-Draw = Callable[..., str]
+P = ParamSpec("P")
+Draw = Callable[Concatenate[Figure, P], str]
 
 
-def picture(width: float, height: float) -> Callable[[Draw], Draw]:
+def picture(width: float, height: float) -> Callable[[Draw[P]], Callable[P, str]]:
     """Turn a function that draws on a figure of these inches, and returns its text, into HTML."""
 
-    def turned(draw: Draw) -> Draw:
+    def turned(draw: Draw[P]) -> Callable[P, str]:
         @wraps(draw)
-        def html(*args: Any, **kwargs: Any) -> str:
+        def html(*args: P.args, **kwargs: P.kwargs) -> str:
             with look(), mpl.rc_context(FINE):
                 figure = BookFigure(figsize=(width, height))
                 text = draw(figure, *args, **kwargs)

@@ -120,6 +120,10 @@ def _picture(figure: Figure) -> Image.Image:
     figure.set_dpi(STYLE["savefig.dpi"])
     canvas = FigureCanvasAgg(figure)
     canvas.draw()
+    return _pixels(figure, canvas)
+
+
+def _pixels(figure: Figure, canvas: FigureCanvasAgg) -> Image.Image:
     if os.environ.get(CHECKED):
         check_inside(figure)
     return Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB")
@@ -350,12 +354,51 @@ def _spelled(name: str) -> str:
     return re.sub(r"1e-\d+", lambda number: power_of_ten(float(number[0])), name)
 
 
+class Series:
+    """Figures of one panel that differ in its last curve and its title: the rest is drawn once.
+
+    The figure's own title has a line, which those of the pictures take, and another that stays.
+    """
+
+    def __init__(self, figure: Figure, curves: int) -> None:
+        _picture(figure)  # which lays it out
+        figure.set_layout_engine("none")
+        self._figure, (self._ax,) = figure, figure.axes
+        self._shade: Any = self._ax.collections[curves - 1]
+        self._line, self._ends = self._ax.lines[curves - 1], self._ax.lines[-1]
+        self._title = self._ax.set_title(self._ax.get_title(loc="left"), loc="left")
+        self._below = self._title.get_text().partition("\n")[2]
+        self._moving = self._shade, self._line, self._ends, self._title
+        for part in self._moving:
+            part.set_animated(True)
+        self._canvas = FigureCanvasAgg(figure)
+        self._canvas.draw()
+        self._rest = self._canvas.copy_from_bbox(figure.bbox)
+
+    def png(self, runs: Dataset, kind: str, title: str, colours: int) -> bytes:
+        """The figure with the returns of some runs for its last curve, as ``small_png``."""
+        at, values = runs.iteration.values, runs[kind].values
+        band = mean_interval(values)
+        around = [np.stack([at, band.low], 1), np.stack([at, band.high], 1)[::-1]]
+        self._shade.set_verts([np.concatenate(around)])
+        self._line.set_data(at, band.centre)
+        self._ends.set_ydata(values[:, -1])
+        self._title.set_text(f"{title}\n{self._below}")
+        self._canvas.restore_region(self._rest)
+        for part in self._moving:
+            self._ax.draw_artist(part)
+        return _palette_png(_pixels(self._figure, self._canvas), colours)
+
+
 def small_png(figure: Figure, colours: int = 64) -> bytes:
     """The figure as a PNG with a palette: a tenth of the bytes, for pages with many pictures."""
+    return _palette_png(_picture(figure), colours)
+
+
+def _palette_png(picture: Image.Image, colours: int) -> bytes:
     out = io.BytesIO()
     # thirty times as fast as the median cut, and as near to the colours: there are few of them
-    picture = _picture(figure).quantize(colours, Image.Quantize.FASTOCTREE)
-    picture.save(out, format="png", optimize=True)
+    picture.quantize(colours, Image.Quantize.FASTOCTREE).save(out, format="png", optimize=True)
     return out.getvalue()
 
 

@@ -10,7 +10,7 @@ from vtbook import widgets
 from vtbook.claims import Runs
 from vtbook.experiments.grids import count_name, slider_name
 from vtbook.experiments.protocols import transfer_settings
-from vtbook.plots import image_html, power_of_ten, returns_figure, small_png
+from vtbook.plots import Series, image_html, look, power_of_ten, returns_figure
 from vtbook.tables import words
 from vtlab.experiment import Experiment
 from vtlib.stats import Interval
@@ -38,7 +38,7 @@ def setting_sliders(
         numbers = [(f"{n}", n) for n in counts]
         axes.append(widgets.Axis("sources", "number of sources", numbers, len(counts) - 1))
 
-    beside = functools.cache(references)
+    beside, series = functools.cache(references), dict[tuple[object, ...], Series]()
 
     @functools.cache
     def stored(setting: Setting, count: tuple[int, ...]) -> Runs:
@@ -50,8 +50,9 @@ def setting_sliders(
         setting, usual = (lambda_, psi, posterior), (own.lambda_, own.psi, posterior)
         mine, theirs = stored(setting, count), stored(usual, count)
         text = setting_words(setting, usual, mine, theirs)
-        image = setting_picture(beside(*count), mine, setting, grid.family.limits)
-        return f"{image}<p>{text}</p>"
+        if (panel := (posterior, *count)) not in series:
+            series[panel] = setting_series(beside(*count), mine, posterior, grid.family.limits)
+        return f"{setting_picture(series[panel], mine, setting)}<p>{text}</p>"
 
     return widgets.still_sliders(axes, picture)
 
@@ -88,16 +89,23 @@ def meaning(setting: Setting, usual: Setting, gap: Interval) -> str:
     return "worse, and both λ and ψ have moved"
 
 
-def setting_picture(
-    references: Mapping[str, Dataset], mine: Runs, setting: Setting, limits: tuple[float, float]
-) -> str:
-    """A setting's learning returns over those of references, as an HTML picture."""
+def setting_series(
+    references: Mapping[str, Dataset], mine: Runs, posterior: str, limits: tuple[float, float]
+) -> Series:
+    """Learning returns with one posterior, in any of its settings, over those of references."""
+    runs = {label: first_runs(x, mine.stored) for label, x in references.items()}
+    runs[posterior] = mine.stored
+    with look():
+        return Series(returns_figure(runs, limits, LEARNING, "λ", NARROW), len(runs))
+
+
+def setting_picture(series: Series, mine: Runs, setting: Setting) -> str:
+    """A setting's learning returns as an HTML picture of its posterior's series."""
     (lambda_, psi, posterior), stored = setting, mine.stored
-    runs = {label: first_runs(x, stored) for label, x in references.items()} | {posterior: stored}
-    title = f"λ = {power_of_ten(lambda_)}, ψ = {psi:g}, {posterior}"
-    png = small_png(returns_figure(runs, limits, LEARNING, title, NARROW), 32)
     end = float(stored.learning[:, -1].mean())
     alt = f"Learning return with lambda = {lambda_:.0e}, psi = {psi:g}, {posterior}; "
+    title = f"λ = {power_of_ten(lambda_)}, ψ = {psi:g}, {posterior}"
+    png = series.png(stored, "learning", title, 32)
     return image_html(png, f"{alt}final learning return {end:.2f}.")
 
 
