@@ -1,5 +1,7 @@
 """The lead of the method over fine-tuning is the sum of what its parts add."""
 
+import itertools
+
 import numpy as np
 import pytest
 
@@ -14,7 +16,7 @@ def test_parts_add_up_to_the_lead_and_each_begins_where_the_last_ended(page):
     lead, *parts = lead_by_part(CONTROLS[page]).values()
     np.testing.assert_allclose(sum(parts), lead, atol=1e-6)
     labels = [FROM_MEAN, *(label for _, label in PARTS.values())]
-    assert [*zip(labels, labels[1:], strict=False)] == list(PARTS.values())
+    assert [*itertools.pairwise(labels)] == list(PARTS.values())
     assert labels[-1] == "1-MGVT"
 
 
