@@ -208,6 +208,7 @@ def main(folder: str, *parts: str) -> int:
         print(f"Python 3.11 is needed, and {sys.executable} is {sys.version.split()[0]}:")
         print("make PYTHON=/path/to/python3.11 book")
         return 1
+    (ROOT / "_build" / "home").mkdir(parents=True, exist_ok=True)  # for what tools write at home
     try:
         with alone(ROOT / "_build" / "set-up.lock", "sets up the environment"):
             set_up(Environment(Path(os.path.abspath(folder))), list(parts))
