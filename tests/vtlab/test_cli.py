@@ -13,6 +13,7 @@ from attrs import evolve
 from vtbook.experiments import EXPERIMENTS, THESIS
 from vtlab import cli, registry, run, schedule, store
 from vtlab.registry import installed
+from vtlib import files
 
 RESULTS = ("tiny-pool/sources", "tiny/tasks", "tiny/NT", "tiny/GVT")
 
@@ -128,7 +129,9 @@ def test_a_missing_or_torn_result_is_refused_and_left_as_it_is(stored, capsys, m
     path.write_bytes(path.read_bytes().replace(b'"runs": 3', b'"runs": 4'))
     before = {p: p.read_bytes() for p in stored.rglob("*.*")}
     for command in ("verify", "run tiny", "reproduce"):
-        assert str(path.with_suffix("")) in refused(capsys, *command.split(), "--results", stored)
+        line = refused(capsys, *command.split(), "--results", stored)
+        assert str(path.with_suffix("")) in line
+        assert line.endswith("; remove it, and run computes it again")
     assert not (stored.parent / "_build").exists()  # nothing was computed in vain
     assert {p: p.read_bytes() for p in stored.rglob("*.*")} == before
     store.remove(stored / "tiny/GVT")
@@ -165,6 +168,29 @@ def test_a_folder_that_cannot_take_results_is_named_at_once(capsys, tmp_path, mo
     monkeypatch.setattr(store.tempfile, "TemporaryFile", Mock(side_effect=read_only))
     line = refused(capsys, *command, tmp_path / "new")
     assert line == f"vtlab: results cannot be written to {tmp_path / 'new'}: Permission denied"
+
+
+def test_a_disk_that_is_full_loses_nothing_that_is_stored(stored, capsys, monkeypatch):
+    for name in ("tiny/NT", "tiny/GVT"):
+        store.remove(stored / name)
+    before, flush = {p: p.read_bytes() for p in stored.rglob("*.*")}, files.os.fsync
+    room = iter(range(2))  # files that still find room: those of the first part
+
+    def fsync(handle):
+        if next(room, None) is None:
+            raise OSError(28, "No space left on device")
+        flush(handle)
+
+    monkeypatch.setattr(files.os, "fsync", fsync)
+    line = refused(capsys, "run", "tiny", "--results", stored)
+    assert line.startswith("vtlab: [Errno 28] No space left on device: ")
+    assert line.endswith("; once that is mended the same command goes on")
+    kept = {p: p.read_bytes() for p in stored.rglob("*.*")}
+    assert len(kept.items() - before.items()) == 2
+    assert before.items() <= kept.items()
+    monkeypatch.setattr(files.os, "fsync", flush)
+    assert main("run", "tiny", "--results", stored) == 0
+    assert main("verify", "tiny", "--quick", "--results", stored) == 0
 
 
 def test_killed_workers_and_a_device_that_is_not_there_end_a_command(capsys, monkeypatch):
