@@ -166,15 +166,3 @@ def test_the_race_stands_still_at_its_end_for_those_who_want_no_motion(address, 
     assert page.evaluate(STEP) == 5000
     page.locator(".race button").click()
     page.wait_for_function(f"{STEP} > 0 && {STEP} < 5000")
-
-
-MARKED = """() => {
-  const wide = [...document.querySelectorAll('pre')].filter(e => e.scrollWidth > e.clientWidth);
-  return wide.length > 2 && wide.every(e => e.tabIndex === 0);
-}"""
-
-
-def test_code_can_be_scrolled_by_keys_once_its_column_is_narrower(address, page):
-    page.goto(f"{address}/book/guide.html", wait_until="load")
-    page.evaluate("document.querySelector('.bd-article').style.width = '300px'")
-    page.wait_for_function(MARKED)

@@ -9,8 +9,6 @@ from pathlib import Path
 
 import pytest
 
-import vtlib
-
 ROOT = Path(__file__).resolve().parents[1]
 HEAVY = "dask distributed xarray scipy matplotlib ipywidgets PIL"
 LINT = [sys.executable, "-c", "from importlinter.cli import lint_imports_command as lint; lint()"]
@@ -60,10 +58,3 @@ print(*{{x.split(".")[0] for x in sys.modules}} & {{*{f"{HEAVY} vtlab vtbook".sp
 """
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout == "\n"
-
-
-def test_the_readme_imports_what_the_package_offers():
-    text = (ROOT / "README.md").read_text(encoding="utf-8")
-    (names,) = re.findall(r"^from vtlib import (.*)$", text, re.MULTILINE)
-    assert {*names.split(", ")} <= {*vtlib.__all__}
-    assert all(hasattr(vtlib, name) for name in vtlib.__all__)

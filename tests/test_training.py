@@ -1,9 +1,5 @@
 """The loop: what it records and when, and when it ends."""
 
-import os
-import subprocess
-import sys
-
 import numpy as np
 import pytest
 import torch
@@ -97,49 +93,16 @@ def test_divergence_names_the_run_and_the_iteration_before_it_is_evaluated(run, 
         train(Exploding(), Walk(), first, 100, 20, NAMES)
 
 
-THREADS = """
-import gymnasium
-import torch
-from attrs import evolve
+def test_the_loop_computes_with_one_thread_and_leaves_what_was_set():
+    before, counts = torch.get_num_threads(), []
 
-import vtbook
-from vtbook.experiments.cartpole import CARTPOLE
-from vtlab.run import run_batch
-from vtlab.store import weights
-from vtlib.gym_runs import evaluate, solve, transfer
-from vtlib.qfunctions import MLP
+    def evaluate(mu):
+        counts.append(torch.get_num_threads())
+        return first(mu)
 
-class Watched(gymnasium.Wrapper):
-    def step(self, action):
-        seen.append(torch.get_num_threads())
-        return super().step(action)
-
-def tell(name, call, *given, **how):
-    seen.clear()
-    found = call(*given, **how)
-    print(name, *{*seen}, torch.get_num_threads())
-    return found
-
-def progress(t):
-    seen.append(torch.get_num_threads())
-    return True
-
-seen = []
-print("import", torch.get_num_threads())
-torch.set_num_threads(2)
-envs, q = [Watched(gymnasium.make("CartPole-v1"))], MLP((4, 8, 2))
-learned = tell("solve", solve, envs, q, 20)
-tell("transfer", transfer, envs, q, learned.weights[:, 0].expand(2, -1), 20, trials=2)
-tell("evaluate", evaluate, envs, q, learned.weights, 2)
-here = evolve(CARTPOLE.published, iterations=100)
-for label in ("DDQN", "1-MGVT"):
-    tell(label, run_batch, here, label, [0], weights(here.pool), progress)
-"""
-
-
-def test_a_page_has_one_thread_and_whoever_learns_computes_with_one_and_leaves_what_was_set():
-    ours = {name: value for name, value in os.environ.items() if name != "OMP_NUM_THREADS"}
-    ran = subprocess.run([sys.executable, "-c", THREADS], env=ours, capture_output=True, text=True)
-    calls = "solve", "transfer", "evaluate", "DDQN", "1-MGVT"
-    told = ["import 1", *(f"{name} 1 2" for name in calls)]
-    assert ran.stdout.splitlines() == told, ran.stderr
+    torch.set_num_threads(2)
+    try:
+        train(Counting(), Walk(), evaluate, 40, 20, NAMES)
+        assert (counts, torch.get_num_threads()) == ([1, 1], 2)
+    finally:
+        torch.set_num_threads(before)
