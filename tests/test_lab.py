@@ -55,8 +55,8 @@ def started(folder, **own):
     # as a reader starts it: threads are the library's own business
     environment = {x: y for x, y in os.environ.items() if x != "OMP_NUM_THREADS"} | own
     with subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env=environment) as process:
-        told = re.compile(r"(http://127\.0\.0\.1:\d+)/lab\S*(\?token=\w+)")
-        yield next(filter(None, map(told.search, process.stderr))).groups()
+        address = re.compile(r"(http://127\.0\.0\.1:\d+)/lab\S*(\?token=\w+)")
+        yield next(filter(None, map(address.search, process.stderr))).groups()
         process.terminate()
         process.stderr.read()
 
@@ -165,5 +165,5 @@ def train_in_the_page(page):
     panel.locator(".door").first.press("ArrowRight")
     panel.get_by_role("button", name="Run", exact=True).click()
     panel.locator(".says", has_text="Done").wait_for()
-    told = [panel.locator(f".legend .{x}").inner_text().split()[-1] for x in ("transfer", "none")]
-    assert float(told[0]) > float(told[1]) + 0.3
+    earned = [panel.locator(f".legend .{x}").inner_text().split()[-1] for x in ("transfer", "none")]
+    assert float(earned[0]) > float(earned[1]) + 0.3

@@ -42,18 +42,18 @@ def test_an_import_that_leads_upward_is_found(tmp_path, file, line, broken):
         text=True,
         timeout=120,
     )
-    found = re.findall(r"^(.*) BROKEN$", done.stdout, re.MULTILINE)
-    assert [x for x in found if not (broken and x.startswith(broken))] == [], done
-    assert (len(found), done.returncode) == ((1, 1) if broken else (0, 0)), done
+    contracts = re.findall(r"^(.*) BROKEN$", done.stdout, re.MULTILINE)
+    assert [x for x in contracts if not (broken and x.startswith(broken))] == [], done
+    assert (len(contracts), done.returncode) == ((1, 1) if broken else (0, 0)), done
 
 
 def test_the_method_loads_nothing_that_only_experiments_and_pages_need():
     code = f"""
 import importlib, pkgutil, sys
 import vtlib
-for one in pkgutil.walk_packages(vtlib.__path__, "vtlib."):
-    if not one.name.endswith("__main__"):
-        importlib.import_module(one.name)
+for module in pkgutil.walk_packages(vtlib.__path__, "vtlib."):
+    if not module.name.endswith("__main__"):
+        importlib.import_module(module.name)
 print(*{{x.split(".")[0] for x in sys.modules}} & {{*{f"{HEAVY} vtlab vtbook".split()}}})
 """
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

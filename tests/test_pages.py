@@ -45,15 +45,15 @@ def test_a_page_asks_no_third_party_is_typeset_and_its_figures_move(opened, name
     for panel in panels:
         for handle in panel.locator(".noUi-handle").all():
             assert handle.get_attribute("aria-label") not in (None, "", "null")
-            shown, told = [], set()
+            shown, texts = [], set()
             for key in ("Home", "End", "ArrowLeft"):
                 handle.press(key)
-                found = opened.wait_for_function(
+                picture = opened.wait_for_function(
                     ANOTHER_PICTURE, arg=[panel.element_handle(), shown]
                 )
-                shown.append(found.json_value())
-                told.add(handle.get_attribute("aria-valuetext"))
-            assert len(told) == len(shown)
+                shown.append(picture.json_value())
+                texts.add(handle.get_attribute("aria-valuetext"))
+            assert len(texts) == len(shown)
     assert not opened.foreign
     assert not opened.faults
 

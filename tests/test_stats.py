@@ -18,8 +18,8 @@ def test_the_quantile_is_students_with_one_degree_of_freedom_less(runs, quantile
 
 def test_quantiles_are_those_of_students_distribution():
     freedom = np.arange(1, 201)
-    found = [student_quantile(int(x)) for x in freedom]
-    np.testing.assert_allclose(found, scipy.stats.t.ppf(0.975, freedom), rtol=1e-12)
+    quantiles = [student_quantile(int(x)) for x in freedom]
+    np.testing.assert_allclose(quantiles, scipy.stats.t.ppf(0.975, freedom), rtol=1e-12)
 
 
 def test_each_column_has_its_own_interval_in_double_precision():
