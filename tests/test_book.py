@@ -85,12 +85,6 @@ def test_equations_and_functions_lead_to_each_other(book):
             assert entry.select("div.math"), f"{name} shows no formula"
 
 
-def test_every_symbol_leads_to_where_it_is_introduced(book):
-    rows = soup(book / "book" / "glossary.html").select("table tbody tr")
-    places = [row.select("td")[2] for row in rows]
-    assert [x.text for x in places if len(x.find_all("a")) != len(x.text.split(","))] == []
-
-
 def test_pages_with_code_offer_a_notebook_and_say_how_long_they_take(book):
     for path in written_pages(book):
         source = (ROOT / "book" / path.name).with_suffix(".md").read_text(encoding="utf-8")
