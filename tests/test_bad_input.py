@@ -151,9 +151,9 @@ def test_weights_that_are_none_are_refused(config):
 @pytest.mark.parametrize("config", AGENTS)
 def test_settings_of_others_are_refused(config):
     weights = torch.ones((2, 3, Q.d) if config.transfers else (2, Q.d))
-    made, kind = type(config.agent(Q, weights, 2, Rng("t", [0, 1]))), type(config)
+    agent, kind = type(config.agent(Q, weights, 2, Rng("t", [0, 1]))), type(config)
     for wrong in (*(other for other in AGENTS if type(other) is not kind), None, "gaussian"):
-        message = refused(made, Q, weights, 2, wrong, Rng("t", [0, 1]))
+        message = refused(agent, Q, weights, 2, wrong, Rng("t", [0, 1]))
         assert message.startswith(f"settings must be of type {kind.__name__}, got ")
 
 

@@ -88,14 +88,14 @@ def test_a_run_is_the_textbooks_whoever_is_beside_it_and_may_begin_with_sources(
     sources = 2 * torch.randn(3, 3, NETWORK.d, generator=torch.Generator().manual_seed(0))
     before, seen, rows = sources.clone(), [transition(3, seed) for seed in range(23)], [0, 1, 2]
     w = sources.mean(1) if start == "mean" else sources[:, 0]
-    config, given = (FineTuning(settings, start), sources) if start else (settings, w)
-    agent = config.agent(NETWORK, given, 2, Rng("t", rows))
-    for t, one in enumerate(seen):
+    config, weights = (FineTuning(settings, start), sources) if start else (settings, w)
+    agent = config.agent(NETWORK, weights, 2, Rng("t", rows))
+    for t, batch in enumerate(seen):
         if t == 13:  # in the middle of a target's time some are left behind
             rows = [2, 0]
             agent.keep(rows)
-        agent.act(one.obs[rows], one.terminated[rows])
-        agent.learn(Transition(*(part[rows] for part in one)))
+        agent.act(batch.obs[rows], batch.terminated[rows])
+        agent.learn(Transition(*(part[rows] for part in batch)))
     expected = torch.stack([plainly(w[run], run, seen, settings) for run in rows])
     torch.testing.assert_close(agent.mu[:, 0], expected, rtol=1e-4, atol=1e-5)
     assert (agent.mu[:, 0] - w[rows]).abs().max() > 0.05

@@ -17,12 +17,12 @@ FOLDER = ROOT / "book" / "results" / runs.NAME
 
 def test_every_task_has_twenty_runs_of_each_way():
     for name in (f"{kind}-{place}" for kind in runs.KINDS for place in ("within", "outside")):
-        found, _ = store.read(FOLDER / name)
+        arrays, _ = store.read(FOLDER / name)
         for way in ("from nothing", "best source", "fine-tuned", "transfer", "improved", "steps"):
-            assert found[way].shape == (20,)
-            assert np.isfinite(found[way]).all()
-        best = found["sources"].mean(1).argmax()
-        np.testing.assert_array_equal(found["best source"], found["sources"][best])
+            assert arrays[way].shape == (20,)
+            assert np.isfinite(arrays[way]).all()
+        best = arrays["sources"].mean(1).argmax()
+        np.testing.assert_array_equal(arrays["best source"], arrays["sources"][best])
 
 
 def test_transfer_destroys_a_source_on_none_of_the_tasks():
@@ -35,8 +35,8 @@ def test_transfer_destroys_a_source_on_none_of_the_tasks():
 )
 def test_transfer_may_lose_two_percent_of_the_way_from_nothing_to_the_source(losses, verdict):
     best = np.array([90.0, 110.0])
-    found = {"from nothing": best - 100, "best source": best, "transfer": best - losses}
-    assert runs.verdict(found, "best source") == verdict
+    arrays = {"from nothing": best - 100, "best source": best, "transfer": best - losses}
+    assert runs.verdict(arrays, "best source") == verdict
 
 
 def test_sources_earn_again_what_is_stored(monkeypatch):
@@ -52,19 +52,19 @@ def test_a_forged_number_is_named(monkeypatch, tmp_path, capsys):
     folder.mkdir()
     for ending in ("npz", "json"):
         shutil.copy(FOLDER / f"windy-grid-sources.{ending}", folder)
-    found = runs.computed(task, folder, 2)
-    monkeypatch.setattr(runs, "computed", lambda *_, **__: found)
+    arrays = runs.computed(task, folder, 2)
+    monkeypatch.setattr(runs, "computed", lambda *_, **__: arrays)
     monkeypatch.setattr(runs, "TASKS", [task])
     runs.complete([task], folder)
     _, note = store.read(folder / task)
     assert main(["verify", "guide", "--seed=0", "--results", str(root)]) == 0
     assert capsys.readouterr().out.splitlines()[-1] == f"guide/{task}: verified"
-    for key, array in found.items():
+    for key, array in arrays.items():
         forged, first = array.copy(), array[..., 0]
         by = {"b": True, "i": 1, "f": 0.1}[array.dtype.kind]
         forged[..., 0] = first ^ by if by is True else first + by
         for stored in (forged, np.concatenate([array, array], -1)):
             store.remove(folder / task)
-            store.save(folder / task, found | {key: stored}, note)
+            store.save(folder / task, arrays | {key: stored}, note)
             assert main(["verify", "guide", "--whole", "--results", str(root)]) == 1
             assert capsys.readouterr().out.splitlines() == [f"guide/{task}: DIFFERS in {key}"]

@@ -69,8 +69,8 @@ ANY_LENGTH.observation_space = gym.spaces.Sequence(ENV.observation_space)
 
 
 def test_greedy_returns_are_discounted_sums():
-    found = evaluate([Corridor(), Corridor()], Q, BOTH.unsqueeze(1), episodes=3, gamma=0.5)
-    assert found.tolist() == [[0.0] * 3, [1.9375] * 3]
+    returns = evaluate([Corridor(), Corridor()], Q, BOTH.unsqueeze(1), episodes=3, gamma=0.5)
+    assert returns.tolist() == [[0.0] * 3, [1.9375] * 3]
 
 
 def test_the_best_source_comes_first_and_is_kept_where_learning_harms():
@@ -98,11 +98,11 @@ def test_the_best_source_comes_first_and_is_kept_where_learning_harms():
     ],
 )
 def test_what_was_learned_must_beat_the_source_by_its_standard_error(monkeypatch, ours, improved):
-    played = gym_runs._play
+    real = gym_runs._play
     returns = iter([(1.0, 1.0), (0.0, 0.0), ours])  # of both sources and what was learned
 
-    def play(*args, **given):
-        return torch.tensor([next(returns)]), played(*args, **given)[1]
+    def play(*args, **options):
+        return torch.tensor([next(returns)]), real(*args, **options)[1]
 
     monkeypatch.setattr(gym_runs, "_play", play)
     learned = transfer([Corridor()], Q, SOURCES[:2], 2, TRANSFER, trials=2)
@@ -142,18 +142,48 @@ def test_seeds_repeat_and_differ(learner):
 
 
 def test_a_callback_is_told_and_ends_the_learning_of_returns_known_once_an_episode_has_ended():
-    told = []
+    calls = []
 
     def callback(iteration, returns):
-        told.append((iteration, returns.shape))
+        calls.append((iteration, returns.shape))
         return torch.tensor(iteration < 200)
 
     settings, envs = attrs.evolve(LEARNER, gamma=0.5), [Corridor(), Corridor(np.inf)]
     learned = solve(envs, Q, 1000, settings, callback=callback)
-    assert told == [(100, (2,)), (200, (2,))]
+    assert calls == [(100, (2,)), (200, (2,))]
     assert (learned.steps.tolist(), learned.iterations.tolist()) == ([200] * 2, [100, 200])
     assert ((learned.returns[0] > 0) & (learned.returns[0] <= 1.9375)).all()
     assert torch.isnan(learned.returns[1]).all()
+
+
+class Watched(gym.Wrapper):
+    """A corridor that notes with how many threads its steps are taken."""
+
+    def __init__(self) -> None:
+        super().__init__(Corridor())
+        self.threads = set()
+
+    def step(self, action):
+        self.threads.add(torch.get_num_threads())
+        return super().step(action)
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        partial(solve, q=Q, iterations=10),
+        partial(transfer, q=Q, sources=SOURCES, iterations=10, trials=2),
+        partial(evaluate, q=Q, weights=SOURCES[:1, None]),
+    ],
+)
+def test_each_call_computes_with_one_thread_and_leaves_what_was_set(call):
+    before, env = torch.get_num_threads(), Watched()
+    torch.set_num_threads(2)
+    try:
+        call([env])
+        assert (env.threads, torch.get_num_threads()) == ({1}, 2)
+    finally:
+        torch.set_num_threads(before)
 
 
 @pytest.mark.parametrize("shown", [True, False])

@@ -2,7 +2,6 @@
 
 import ast
 import re
-import subprocess
 import sys
 from pathlib import Path
 from types import SimpleNamespace
@@ -17,8 +16,7 @@ PAGES = sorted(
     if "\nkernelspec:" in path.read_text(encoding="utf-8")[:500]
 )
 TEXTS = ["errata", "experiments", "glossary"]
-WITHOUT_THE_BOOK = "import sys; sys.modules.update(dict.fromkeys(('myst_nb', 'jupytext')))\n"
-# by the distribution vtlib
+# The packages that come with an installation from a checkout.
 BROUGHT = "vtlib vtlab vtbook torch numpy gymnasium scipy xarray attrs matplotlib IPython"
 MYST = re.compile(r"\{[a-z]+(?::\w+)?\}`|^[`:]{3,}\{|^\([\w-]+\)=$|\$\$ \(", re.MULTILINE)
 MACRO = re.compile(r"\\(?:E|KL|mm|R)(?![A-Za-z])")
@@ -71,7 +69,7 @@ def test_the_text_of_a_page_has_no_holes(built, page):
 
 
 @pytest.mark.parametrize("page", PAGES)
-def test_numbers_captions_and_boxes_are_those_of_the_page(book, built, page):
+def test_captions_and_the_answer_are_those_of_the_page(book, built, page):
     bs4 = pytest.importorskip("bs4")
     html = bs4.BeautifulSoup((book / "book" / f"{page}.html").read_text("utf-8"), "html.parser")
     prose = "\n".join(x.source for x in read(built(page)).cells if x.cell_type == "markdown")
@@ -79,19 +77,9 @@ def test_numbers_captions_and_boxes_are_those_of_the_page(book, built, page):
     assert [x.removesuffix(".") for x in figures] == re.findall(
         r"^\*\*(Figure \S+)\.\*\*", prose, re.M
     )
-    boxes = [x.get_text(" ", strip=True) for x in html.select("p.admonition-title")]
-    titles = [x for x in boxes if "code cell" not in x]
-    assert len(titles) == len(re.findall(r"^> \*\*[^*]*[^*:]\*\*|<summary>", prose, re.M)), titles
     if answer := html.select_one(".admonition.tip p:not(.admonition-title)"):
         words = re.sub(r"[\W_]+", " ", answer.get_text()).split()[:12]
         assert " ".join(words) in re.sub(r"[\W_]+", " ", prose)
-
-
-def test_a_notebook_runs_without_the_book(built, tmp_path):
-    program = WITHOUT_THE_BOOK + code(read(built("introduction")))
-    command = [sys.executable, "-c", program]
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
 
 
 def test_what_a_page_folds_is_folded_and_has_no_output_to_be_read(built):

@@ -52,6 +52,11 @@ def plain(extension):
             "```{literalinclude} a.py\n:language: python\n:name: lst\n:caption: All.\n```",
             "**Listing 5.1.** All.\n\n```python\n# a.py\n```",
         ),
+        (
+            ":::::{admonition} Outer\n\nwhere $a +\nb$\n\n"
+            "::::{admonition} Inner\n\n$$\nx\n= y\n$$ (eq-5-2)\n::::\n:::::",
+            "> **Outer**\n>\n> where $a + b$\n>\n> > **Inner**\n> >\n> > $$ x = y \\tag{5.2} $$",
+        ),
         ("5. [Draw $s$]{.in-2}", "5. " + "&nbsp;" * 8 + "Draw $s$"),
         ("1. So\n\n   $$\n   x\n   $$ (eq-5-2)", "1. So\n\n   $$\n   x\n   \\tag{5.2}\n   $$"),
         ("```python\nprint(1)\n```", "```python\nprint(1)\n```"),
@@ -59,18 +64,6 @@ def plain(extension):
 )
 def test_what_the_pages_use_reads_as_in_the_book(plain, myst, markdown):
     assert plain(myst) == markdown
-
-
-def test_boxes_hold_boxes_and_equations(plain):
-    box = "::::{admonition} Inner\n\n$$\nx\n$$ (eq-5-2)\n::::"
-    inner = "> > **Inner**\n> >\n> > $$ x \\tag{5.2} $$"
-    text = f":::::{{admonition}} Outer\n\n{box}\n\nend\n:::::"
-    assert plain(text) == f"> **Outer**\n>\n{inner}\n>\n> end"
-
-
-def test_no_line_of_a_box_ends_within_a_formula(plain):
-    text = ":::{admonition} One\n\nwhere $a +\nb$ and\n\n$$\nx\n= y\n$$\n:::"
-    assert plain(text) == "> **One**\n>\n> where $a + b$ and\n>\n> $$ x = y $$"
 
 
 def test_a_directive_that_is_not_known_is_an_error(plain):

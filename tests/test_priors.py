@@ -74,7 +74,7 @@ def test_a_gaussian_prior_has_the_moments_of_its_sources(
     start, span = prior.start(1, "sources"), prior.start(1, "span")
     assert (start.variance, span.variance) == (jitter, priors.SPAN_JITTER)
     assert torch.equal(start.spread, span.spread)
-    covariance = torch.stack([torch.from_numpy(np.cov(one.T, ddof=ddof)) for one in w])
+    covariance = torch.stack([torch.from_numpy(np.cov(x.T, ddof=ddof)) for x in w])
     covariance += jitter * eye(6)
     L = priors.covariance_factor(start.spread, jitter)
     close(L @ L.mT, covariance)

@@ -10,18 +10,18 @@ README = Path(__file__).resolve().parent.parent / "README.md"
 
 
 def test_the_example_transfers(capsys, monkeypatch):
-    found, evaluate = [], vtlib.evaluate
+    returns, evaluate = [], vtlib.evaluate
 
-    def once(*given):
-        found.append(evaluate(*given))
-        return found[-1]
+    def recorded(*arguments):
+        returns.append(evaluate(*arguments))
+        return returns[-1]
 
-    monkeypatch.setattr(vtlib, "evaluate", once)
+    monkeypatch.setattr(vtlib, "evaluate", recorded)
     text = README.read_text(encoding="utf-8")
     (code,) = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
     names = {}
     exec(compile(code, str(README), "exec"), names)
-    earned = dict(zip(names["weights"], (x.mean(1).numpy() for x in found), strict=True))
+    earned = dict(zip(names["weights"], (x.mean(1).numpy() for x in returns), strict=True))
     printed = [f"{name} {mean_interval(x)}" for name, x in earned.items()]
     assert capsys.readouterr().out.splitlines() == printed
     assert len(printed) == 8
@@ -38,9 +38,3 @@ def test_the_example_transfers(capsys, monkeypatch):
     assert 7 < names["steps"] / 1000 < 9
     # "fine-tuning after the same trials does as well here"
     assert difference_interval(ours, tuned).low < 0
-
-
-def test_nothing_in_it_needs_the_files_beside_it():
-    # an index of packages shows it without them
-    text = README.read_text(encoding="utf-8")
-    assert not re.findall(r"\]\((?!https://)|<img|\]:", text)

@@ -36,10 +36,10 @@ def learned(steps, unit=1.0, rows=(0, 1), larger=1.0, **settings):
 
 
 def test_weights_in_other_units_are_learned_alike():
-    (one, acts, _), (other, same, _) = learned(150), learned(150, unit=100.0)
+    (learner, acts, _), (scaled, same, _) = learned(150), learned(150, unit=100.0)
     assert (acts == same).float().mean() > 0.98  # rounding may turn a tie
-    torch.testing.assert_close(other.mu, 100 * one.mu, rtol=1e-3, atol=1e-2)
-    torch.testing.assert_close(other.scale_tril, 100 * one.scale_tril, rtol=1e-2, atol=1e-3)
+    torch.testing.assert_close(scaled.mu, 100 * learner.mu, rtol=1e-3, atol=1e-2)
+    torch.testing.assert_close(scaled.scale_tril, 100 * learner.scale_tril, rtol=1e-2, atol=1e-3)
 
 
 def test_a_run_does_not_depend_on_its_neighbours():

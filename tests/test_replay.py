@@ -26,9 +26,9 @@ def assert_are(batch: Transition, times: range, runs: list[int]) -> None:
     """The transitions of some times and runs, in whatever order."""
     order = batch.obs[0, :, 0].argsort()
     expected = [torch.stack(parts, 1)[runs] for parts in zip(*map(transition, times), strict=True)]
-    for ours, wanted in zip(batch, expected, strict=True):
-        assert ours.dtype == wanted.dtype
-        assert torch.equal(ours[:, order], wanted)
+    for ours, theirs in zip(batch, expected, strict=True):
+        assert ours.dtype == theirs.dtype
+        assert torch.equal(ours[:, order], theirs)
 
 
 # 1024 rows are allocated first; a buffer grows by doubling up to its capacity

@@ -43,8 +43,8 @@ def test_some_runs_go_on_as_if_the_others_had_never_been(before):
 
 def test_equal_names_give_equal_numbers_and_other_names_others():
     names = [("e", 0, "noise"), ("e", 1, "noise"), ("e", 0, "replay"), ("f", 0, "noise")]
-    for one, other in itertools.combinations([generator(*name).random(8) for name in names], 2):
-        assert not np.intersect1d(one, other).size
+    for first, second in itertools.combinations([generator(*name).random(8) for name in names], 2):
+        assert not np.intersect1d(first, second).size
     # the same on every machine
     assert generator(*names[0]).integers(1 << 32, size=2).tolist() == [2442650206, 441475362]
 

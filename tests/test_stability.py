@@ -86,8 +86,8 @@ def test_the_eigenvalue_is_that_of_the_explicit_matrix_and_none_where_a_weight_i
     top = np.abs(values).argmax()
     both = right[:, top] * left[:, np.abs(others - values[top]).argmin()]
     expected = (np.arange(1, q.d + 1) * both / both.sum()).sum().real
-    found, length = steepest(q, mu, batch, psi, gamma, kappa)
-    assert float(found[run]) == pytest.approx(abs(values[top]), rel=1e-3)
+    eigenvalue, length = steepest(q, mu, batch, psi, gamma, kappa)
+    assert float(eigenvalue[run]) == pytest.approx(abs(values[top]), rel=1e-3)
     assert float(curvature(q, mu, batch, psi, gamma, kappa)[run]) == pytest.approx(abs(values[top]))
     assert float(length[run]) == pytest.approx(expected, rel=1e-3)
     mu[run, 0] = torch.nan

@@ -40,10 +40,10 @@ def test_an_experiment_with_a_posterior_of_ones_own_is_run_by_its_name(tmp_path,
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.setitem(COVARIANCES, "isotropic", None)
     mine = importlib.import_module("corridors").EXPERIMENTS["mine"]
-    found = returns(mine, "GVT", root)
-    assert found.attrs["config"]["algorithm"]["covariance"] == "isotropic"
-    assert found.learning.dims == ("run", "iteration")
-    assert (found.learning[:, -1] > 0.8 * found.optimum).all()
+    result = returns(mine, "GVT", root)
+    assert result.attrs["config"]["algorithm"]["covariance"] == "isotropic"
+    assert result.learning.dims == ("run", "iteration")
+    assert (result.learning[:, -1] > 0.8 * result.optimum).all()
     assert load(mine.pool, "sources", root).goal.dims == ("source",)
-    for owner, label, found in verify(mine, root=root):
-        assert found.said in ("2 of 2 equal", "3 of 3 equal"), f"{owner.name}/{label}"
+    for owner, label, verdict in verify(mine, root=root):
+        assert verdict.said in ("2 of 2 equal", "3 of 3 equal"), f"{owner.name}/{label}"

@@ -78,22 +78,6 @@ def test_it_lands_on_the_conjugate_posterior(changes):
         torch.testing.assert_close(near, torch.eye(d).double(), rtol=0, atol=0.05)
 
 
-def test_gradients_of_the_means_are_clipped_and_followed_by_adam():
-    # hardly any variance, one transition: the gradient is that of the mean's own error
-    narrow = {"sigma_p2": 1e-14, "sigma_min": 1e-8, "alpha_L": 1e-12}
-    settings = Settings(lambda_=0.0, clip=5.0, minibatch=1, buffer=1, alpha_mu=0.1, **narrow)
-    mu = draw(1, 1, 2)
-    agent = settings.agent(MLP((1, 1)), mu, 1, Rng("clip", [0]))
-    adam = torch.optim.Adam([mu], lr=0.1)
-    for t in range(20):
-        obs, reward = draw(1, 1, seed=t), torch.tensor([1000.0 if t % 5 == 4 else 1.0])
-        agent.learn(over(obs, reward))
-        x = torch.cat([obs, torch.ones(1, 1)], 1)
-        mu.grad = (-2 * (reward - (mu[0] * x).sum(-1)) * x).clamp(-5, 5).unsqueeze(0)
-        adam.step()
-        torch.testing.assert_close(agent.mu, mu, rtol=0, atol=1e-5)
-
-
 @pytest.mark.parametrize("changes", [{"family": "gaussian"}, {"components": 2}, {"init": "mean"}])
 def test_the_first_iterations_may_only_act_and_remember_and_sources_are_left_alone(changes):
     patience, sources = 3, draw(2, 5, 6).requires_grad_()  # as those of a module

@@ -26,8 +26,8 @@ from vtlib.training import iterate
 family = vtlab.envs.maze.MazeFamily()
 rng, tasks = Rng("wheel", [0]), family.draw_tasks("wheel", [0])
 episodes = Episodes(tasks, rng.stream("noise"), rng.stream("start"))
-given = 0.1 * torch.ones(1, 2, family.q().d)
-agent = Settings(minibatch=5, n_samples=2).agent(family.q(), given, tasks.obs_dim, rng)
+sources = 0.1 * torch.ones(1, 2, family.q().d)
+agent = Settings(minibatch=5, n_samples=2).agent(family.q(), sources, tasks.obs_dim, rng)
 print("iterations", next(iterate(agent, episodes)), "level", native.level())
 print(vtlab.store.results_folder().resolve())
 """
@@ -88,6 +88,6 @@ def test_the_example_and_a_maze_run_from_an_empty_folder(unpacked, tmp_path, com
     assert maze.startswith("iterations 1 level ")
     assert maze.endswith("None") == (not compiler)
     assert results == str(empty.resolve() / "results")
-    said = [x for x in done.stderr.splitlines() if "torch computes instead" in x]
-    assert len(said) == (not compiler)
-    assert all("pip install 'vtlib[native]'" in x for x in said)
+    lines = [x for x in done.stderr.splitlines() if "torch computes instead" in x]
+    assert len(lines) == (not compiler)
+    assert all("pip install 'vtlib[native]'" in x for x in lines)

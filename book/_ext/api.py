@@ -39,9 +39,9 @@ def matching(patterns: str) -> list[str]:
     return [name for name in names if not any(fnmatch.fnmatchcase(name, x) for x in excluded)]
 
 
-def sections(found: re.Match) -> str:
+def sections(match: re.Match) -> str:
     """Markdown of a table of modules, and of the section of each: what it defines itself."""
-    names = matching(found[1])
+    names = matching(match[1])
     rows = "\n".join(f"   {name}" for name in names)
     parts = [f"```{{eval-rst}}\n.. modules::\n   :nosignatures:\n\n{rows}\n```\n"]
     options = "   :members:\n   :ignore-module-all:\n"
@@ -79,10 +79,10 @@ def inline(line: str) -> str:
     return "".join(parts)
 
 
-def known_equation(found: re.Match) -> str:
+def known_equation(match: re.Match) -> str:
     """A reference to an equation of the book, or the words as they were."""
-    label = f"eq-{found[1]}-{found[2]}"
-    return f"eq. :eq:`{label}`" if label in FORMULAS else found[0]
+    label = f"eq-{match[1]}-{match[2]}"
+    return f"eq. :eq:`{label}`" if label in FORMULAS else match[0]
 
 
 def table(rows: list[str]) -> Iterator[str]:

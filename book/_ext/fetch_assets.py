@@ -74,10 +74,10 @@ def download(package: Package) -> bytes:
 
 def unpack(archive: bytes, package: Package, target: Path) -> None:
     """Write the wanted files of an archive below ``target``, without the wrapping folders."""
-    wanted = re.compile(rf"package/(?:{package.keep})")
+    pattern = re.compile(rf"package/(?:{package.keep})")
     with tarfile.open(fileobj=io.BytesIO(archive)) as tar:
         for member in tar.getmembers():
-            if member.isfile() and wanted.fullmatch(member.name):
+            if member.isfile() and pattern.fullmatch(member.name):
                 path = target / re.sub(r"^package/(dist/|es5/)?", "", member.name)
                 path.parent.mkdir(parents=True, exist_ok=True)
                 path.write_bytes(tar.extractfile(member).read())

@@ -1,7 +1,7 @@
-"""Sphinx extension: pages that have to run do so side by side, one for each processor.
+"""Sphinx extension: pages run side by side, one on each processor.
 
-Sphinx reads one page after the other, and running a page is most of that. Here what is not in the
-execution cache is run before it reads; a page that fails is left to it, for its account of that.
+Sphinx would run one page after the other. This extension runs the pages that are not in the
+execution cache before Sphinx reads them. Sphinx runs a page that fails again, and reports why.
 """
 
 from __future__ import annotations
@@ -23,19 +23,19 @@ from nbformat import NotebookNode
 from sphinx.util import logging
 
 LOGGER = logging.getLogger(__name__)
-# Cells keep the metadata that the cache knows them by; a kernel need not warn that it talks to us.
+# The cache knows cells by their metadata, so none may be added. Kernels report errors alone.
 AS_READ: dict[str, Any] = {"record_timing": False, "extra_arguments": ["--log-level=ERROR"]}
-AT_MOST = 4  # pages at a time: each holds the stored runs that it shows in memory
+AT_MOST = 4  # pages at a time: each has the stored runs that it shows in memory
 
 
 async def run(path: Path, page: NotebookNode, room: asyncio.Semaphore, **how: Any) -> float:
-    """Run a page's cells in place; the seconds that took, infinitely many if it could not."""
+    """Run a page's cells in place; the seconds that they took, or infinity if one failed."""
     async with room:
         begin = time.monotonic()
         where = {"metadata": {"path": str(path.parent)}}
         try:
             await NotebookClient(page, resources=where, **AS_READ, **how).async_execute()
-        except (CellControlSignal, RuntimeError):  # a cell failed, or the kernel
+        except (CellControlSignal, RuntimeError):  # RuntimeError: the kernel died
             return math.inf
         seconds = time.monotonic() - begin
         LOGGER.info(f"ran {path.stem} in {seconds:.0f} s")

@@ -32,12 +32,12 @@ NEEDS = (
     "clone the repository and run `pip install -e . -e book` there, or `make lab`."
 )
 GLUE = re.compile(r"^from myst_nb import glue$", re.MULTILINE)
-# The page's prose takes its numbers from glue; a notebook prints those that were computed anew.
+# A page's prose takes its numbers from glue. A notebook has no such prose and prints the numbers.
 PRINT = '''def glue(name, value, display=False):
     """Show a number that the text of the page has from here."""
     print(f"{name}: {value}")'''
-STARTING = 6.0  # seconds until a kernel has imported what pages import
-RECORDED = "application/papermill.record/text/plain"  # of a number for the text
+STARTING = 6.0  # seconds that a kernel needs to import what pages import
+RECORDED = "application/papermill.record/text/plain"  # the type of a number for the prose
 FOLDED = {"remove-cell", "hide-cell", "remove-input", "hide-input"}
 HEADING = re.compile(r"^```.*?^```$|^(#+ )", re.DOTALL | re.MULTILINE)  # or code, which has none
 
@@ -120,7 +120,7 @@ def section_numbers(env: Any, docname: str) -> Iterator[str]:
 
 
 def shown_outputs(cell: NotebookNode) -> list[NotebookNode]:
-    """What a cell has left to see: pictures without those that the page has for other screens."""
+    """The outputs that a notebook shows: no numbers for the prose, no pictures for telephones."""
     outputs = [x for x in cell.outputs if "scrapbook" not in x.get("metadata", {})]
     for output in outputs:
         output.get("metadata", {}).pop("image/png", None)
@@ -137,7 +137,7 @@ def code_cells(cell: NotebookNode, filled: Filling) -> Iterator[NotebookNode]:
     if tags & FOLDED:
         cell.metadata["jupyter"] = {"source_hidden": True}
     if tags & {"remove-cell", "hide-cell"} or (tags & FOLDED and not cell.outputs):
-        # numbers for the text, which has them
+        # The prose has the numbers already.
         cell.metadata["jupyter"] |= {"outputs_hidden": True}
     yield cell
     if figure:
@@ -171,7 +171,7 @@ def text_page(app: Any, docname: str) -> str:
 
 
 def in_words(seconds: float) -> str:
-    """A duration as a reader wants it, with the start of a kernel, which a build shares."""
+    """A page's duration in words, with the time that a kernel takes to start."""
     whole = seconds + STARTING
     if whole < 90:
         return f"{10 * math.ceil(whole / 10)} seconds"

@@ -21,8 +21,7 @@ MARGIN = {"top": "18mm", "bottom": "18mm", "left": "16mm", "right": "16mm"}
 NUMBER = """<div style="font-size: 8px; text-align: center; width: 100%">
 <span class="title"></span>, <span class="pageNumber"></span></div>"""
 
-# Pictures by their lines and letters, in the size that their dots had, and headings for the outline
-# without the signs of their links.
+# Headings without the signs of their links, and pictures of lines and letters instead of dots.
 PREPARED = """() => {
   document.querySelectorAll('a.headerlink').forEach(link => link.remove());
   return Promise.all([...document.querySelectorAll('img[data-vector]')].map(image => {
@@ -34,16 +33,16 @@ PREPARED = """() => {
 
 
 def print_pages(html: Path, target: Path) -> None:
-    """Write the PDF, with an outline of the pages' headings."""
+    """Write the PDF, with an outline of the pages' titles."""
     browser = next(filter(None, map(shutil.which, BROWSERS)), None)
     if browser is None:
         raise SystemExit(f"no browser found (looked for {', '.join(BROWSERS)})")
-    names = re.findall(r"(?:root|file): (\S+)", (ROOT / "_toc.yml").read_text(encoding="utf-8"))
-    writer = PdfWriter()
+    contents = (ROOT / "_toc.yml").read_text(encoding="utf-8")
+    writer, parents = PdfWriter(), {}
     with sync_playwright() as playwright:
         chromium = playwright.chromium.launch(executable_path=browser, args=["--no-sandbox"])
         page = chromium.new_page(color_scheme="light")
-        for name in names:
+        for indent, name in re.findall(r"^( *).*(?:root|file): (\S+)$", contents, re.MULTILINE):
             page.goto((html / f"{name}.html").as_uri(), wait_until="load")
             page.wait_for_timeout(2000)  # formulas are typeset and sliders draw their pictures
             page.evaluate(PREPARED)
@@ -54,10 +53,12 @@ def print_pages(html: Path, target: Path) -> None:
                 display_header_footer=True,
                 header_template="<span></span>",
                 footer_template=NUMBER,
-                outline=True,
-                tagged=True,
             )
-            writer.append(io.BytesIO(data))
+            first, title = len(writer.pages), page.locator("h1").first.inner_text()
+            writer.append(io.BytesIO(data), import_outline=False)
+            # A section stands four columns to the right of its chapter.
+            parent = parents.get(len(indent) - 4)
+            parents[len(indent)] = writer.add_outline_item(title, first, parent)
         chromium.close()
     target.parent.mkdir(parents=True, exist_ok=True)
     writer.write(target)

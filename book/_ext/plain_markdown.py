@@ -75,7 +75,7 @@ def _directive(name: str, title: str, body: list[str], filling: Filling) -> str:
         return f"{summary}\n\n{plain(inner, filling)}\n\n</details>"
     if name == "admonition":
         # a formula is typeset as it stands, with the marks of a quotation that it goes over
-        text = FORMULA.sub(lambda found: " ".join(found[0].split()), plain(inner, filling))
+        text = FORMULA.sub(lambda match: " ".join(match[0].split()), plain(inner, filling))
         box = f"**{title}**\n\n{text}"
         return "\n".join(f"> {line}".rstrip() for line in box.split("\n"))
     if name == "table":
@@ -98,9 +98,9 @@ def _inline(text: str, filling: Filling) -> str:
     """Roles, targets, numbers of equations and macros of formulas; code stays as it is."""
     text = TARGET.sub("", text)
     text = EQUATION.sub(r"\1\\tag{\2}\n\1$$", text)
-    text = TAG.sub(lambda found: rf"\tag{{{filling.number(found[1])}}}", text)
-    text = SPAN.sub(lambda found: GAP * int(found[2]) + found[1], text)
-    text = ROLE.sub(lambda found: filling.link(found[1], " ".join(found[3].split())), text)
+    text = TAG.sub(lambda match: rf"\tag{{{filling.number(match[1])}}}", text)
+    text = SPAN.sub(lambda match: GAP * int(match[2]) + match[1], text)
+    text = ROLE.sub(lambda match: filling.link(match[1], " ".join(match[3].split())), text)
     for name, meaning in filling.macros.items():
         text = re.sub(rf"\\{name}(?![A-Za-z])", lambda _, meaning=meaning: meaning, text)
     return text

@@ -129,8 +129,8 @@ def of_one_entry(kind, start, scale, descent, column) -> tuple[Posterior, Slow]:
     """A posterior and the slow one, with one sample whose noise has one entry."""
     z = torch.zeros(1, 1, 2, start.mu.shape[2])
     z[..., 1, column] = 1.0
-    given = start, Precision(scale), descent, SimpleNamespace(normal=lambda _: z.flatten(1))
-    fast, slow = kind(*given, 2), Slow(kind, *given)
+    arguments = start, Precision(scale), descent, SimpleNamespace(normal=lambda _: z.flatten(1))
+    fast, slow = kind(*arguments, 2), Slow(kind, *arguments)
     fast.sample()
     slow.sample(2)
     return fast, slow
