@@ -93,6 +93,15 @@ def test_what_a_page_folds_is_folded_and_has_no_output_to_be_read(built):
     assert all(x.outputs for x in cells if x.cell_type == "code" and "plots." in x.source[:6])
 
 
+def test_where_an_address_is_set_the_first_cell_installs_from_it(extension):
+    needs = extension("notebooks").needs
+    assert needs("")[0].source.endswith("or `make lab`.")
+    said, cell = needs("https://example.org/vtlib")
+    assert "the next cell installs" in said.source
+    assert "git+https://example.org/vtlib#egg=vtlib" in cell.source
+    assert {tag for x in (said, cell) for tag in x.metadata["tags"]} == {"needs"}
+
+
 @pytest.mark.parametrize(("seconds", "words"), [(1, "10"), (5, "20"), (38, "50"), (100, "2")])
 def test_a_page_says_how_long_it_takes_with_the_start_of_its_kernel(extension, seconds, words):
     assert extension("notebooks").in_words(seconds).split()[0] == words

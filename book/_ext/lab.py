@@ -68,7 +68,7 @@ def copy_pages(built: Path = BUILT, folder: Path = FOLDER) -> list[str]:
 
 
 def without_needs(page: str) -> str:
-    """A page without the cell that says what it needs, which is here."""
+    """A page without the cells that say what it needs, which is here."""
     if not page.startswith("{"):
         return page
     notebook = nbformat.reads(page, as_version=4)

@@ -29,8 +29,15 @@ FOLDER = "_sources/notebooks"  # of the built book
 NEEDS = (
     "A page of *Variational Transfer of Value Functions*, with the outputs of the built book. "
     "Its cells run where `vtlib` is installed from a checkout, whose stored runs they read: "
-    "clone the repository and run `pip install -e . -e book` there, or `make lab`."
 )
+BY_HAND = NEEDS + "clone the repository and run `pip install -e . -e book` there, or `make lab`."
+BY_ITSELF = NEEDS + "the next cell installs one if there is none."
+INSTALL = """import importlib.util
+
+if importlib.util.find_spec("vtbook") is None:
+    vtlib, vtbook = "git+{address}#egg=vtlib", "git+{address}#egg=vtbook&subdirectory=book"
+    %pip install --quiet --editable "$vtlib" --editable "$vtbook"
+    print("Installed. Now choose Kernel, Restart Kernel.")"""
 GLUE = re.compile(r"^from myst_nb import glue$", re.MULTILINE)
 # A page's prose takes its numbers from glue. A notebook has no such prose and prints the numbers.
 PRINT = '''def glue(name, value, display=False):
@@ -145,12 +152,21 @@ def code_cells(cell: NotebookNode, filled: Filling) -> Iterator[NotebookNode]:
         yield nbformat.v4.new_markdown_cell(plain(text, filled))
 
 
+def needs(address: str) -> list[NotebookNode]:
+    """The first cells, which say what a notebook needs and, from an address, install it."""
+    needed = {"metadata": {"tags": ["needs"]}}
+    text = nbformat.v4.new_markdown_cell(BY_ITSELF if address else BY_HAND, **needed)
+    code = nbformat.v4.new_code_cell(INSTALL.format(address=address), **needed)
+    return [text, code] if address else [text]
+
+
 def notebook(app: Any, docname: str, page: NotebookNode) -> NotebookNode:
     """A page and its outputs as a notebook that needs vtlib and what vtlib needs, no more."""
+    address = app.config.html_theme_options.get("repository_url", "")
     result = nbformat.v4.new_notebook(metadata={"kernelspec": page.metadata["kernelspec"]})
     if "widgets" in page.metadata:
         result.metadata["widgets"] = page.metadata["widgets"]
-    result.cells = [nbformat.v4.new_markdown_cell(NEEDS, metadata={"tags": ["needs"]})]
+    result.cells = needs(address)
     filled, sections = filling(app, docname, numbers_of(page)), section_numbers(app.env, docname)
     for cell in page.cells:
         if cell.cell_type == "code":
