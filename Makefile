@@ -42,7 +42,6 @@ export MPLCONFIGDIR := $(CURDIR)/_build/home/matplotlib
 export JUPYTER_CONFIG_DIR := $(CURDIR)/_build/home/jupyter-config
 export JUPYTER_DATA_DIR := $(CURDIR)/_build/home/jupyter-data
 export JUPYTER_RUNTIME_DIR := $(CURDIR)/_build/home/jupyter-runtime
-export npm_config_cache := $(CURDIR)/_build/home/npm
 
 .DEFAULT_GOAL := help
 .PHONY: help book test check pytest lint format lab reproduce oldest newest sanitize clean distclean

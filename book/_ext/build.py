@@ -38,9 +38,7 @@ def have_assets(online: bool) -> bool:
         print(
             "    Without them pages would ask public servers for MathJax and the sliders' script."
         )
-        print(
-            "    Install Node.js (npm) or go on line, and build again; or allow it for this build:"
-        )
+        print("    Go on line and build again, or allow it for this build:")
         print("    make book ONLINE=yes", flush=True)
     return online
 
