@@ -33,9 +33,8 @@ def library(source: Path, level: str) -> Path:
 
 def digest(source: Path) -> str:
     """Twelve hexadecimal digits for the C++ beside a source, and this folder's, and the flags."""
-    folders = sorted({HERE, source.parent})
-    files = [path for folder in folders for path in sorted(folder.iterdir())]
-    files = [path for path in files if path.suffix in (".cpp", ".h")]
+    beside = {path for folder in (HERE, source.parent) for path in folder.iterdir()}
+    files = sorted(path for path in beside if path.suffix in (".cpp", ".h"))
     content = b"".join(path.name.encode() + path.read_bytes() for path in files)
     return hashlib.sha256(repr((FLAGS, WIDE)).encode() + content).hexdigest()[:12]
 
@@ -43,9 +42,7 @@ def digest(source: Path) -> str:
 def compile_library(source: Path) -> list[Path]:
     """Compile a source for this kind of machine; raises RuntimeError where that cannot be."""
     if importlib.util.find_spec("ziglang") is None:
-        raise RuntimeError(
-            f"{source.name} needs a compiler: pip install 'vtlib[native]' brings one"
-        )
+        raise RuntimeError("the kernels need a compiler: pip install 'vtlib[native]' brings one")
     try:
         system, machine = SYSTEMS[platform.system()][0], platform.machine()
         cpu = {"AMD64": "x86_64", "arm64": "aarch64"}.get(machine, machine)
@@ -56,8 +53,7 @@ def compile_library(source: Path) -> list[Path]:
             if not path.exists():
                 compile_source(source, path, target, level, flags)
     except (KeyError, OSError, subprocess.SubprocessError) as error:
-        reason = last_error(error)
-        raise RuntimeError(f"the kernels cannot be compiled here: {reason}") from error
+        raise RuntimeError(f"the kernels cannot be compiled here: {last_error(error)}") from error
     for path in set(made[0].parent.glob(f"{source.stem}-*")).difference(made):
         path.unlink(missing_ok=True)  # of older sources
     return made
