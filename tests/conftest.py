@@ -41,10 +41,18 @@ CELL = re.compile(r"```\{code-cell\}[^\n]*\n(?:---\n(.*?)\n---\n)?(.*?)```", re.
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """First the method's files, last those that need the book: a file's tests share a process."""
+    """First the method's files, last those that need the book: a file's tests share a process.
+
+    Of these the longest begins, for nothing else can go beside its end.
+    """
     files = {item.path for item in items if needs_book(item)}
     packages = {ROOT / "tests" / name for name in ("vtlab", "vtbook")}
-    items.sort(key=lambda item: (item.path in files, bool(packages & {*item.path.parents})))
+
+    def place(item: pytest.Item) -> tuple[bool, bool, bool]:
+        own, lab = bool(packages & {*item.path.parents}), item.path.name == "test_lab.py"
+        return item.path in files, own, not lab
+
+    items.sort(key=place)
 
 
 def pytest_collection_finish(session: pytest.Session) -> None:

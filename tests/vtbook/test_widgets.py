@@ -7,10 +7,11 @@ import numpy as np
 from attrs import evolve
 from xarray import Dataset
 
-from vtbook import processors, rerun, widgets
+from vtbook import rerun, widgets
 from vtbook.experiments.protocols import transfer_settings
 from vtbook.experiments.rooms import ROOMS_EVALUATION
 from vtbook.widgets import LivePanel
+from vtlab.workers import processors
 
 TINY = evolve(ROOMS_EVALUATION.equations, runs=3, sources=2, iterations=400, every=100)
 MGVT = transfer_settings(TINY, "1-MGVT")
