@@ -30,7 +30,8 @@ def dependencies(root: Path) -> Iterator[Path]:
     code = (path for name in names for path in (root / name).rglob("*"))
     for path in sorted({*code, *results.rglob("*"), *panels}):
         below = path.relative_to(root if path.is_relative_to(root) else results).parts
-        if path.suffix in READ and not any(part.startswith(".") for part in below):
+        hidden = any(part.startswith((".", "__pycache__")) for part in below)
+        if path.suffix in READ and not hidden:
             yield path
 
 
