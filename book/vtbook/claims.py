@@ -26,7 +26,7 @@ from vtlib.stats import Interval, mean_interval
 
 REPRODUCED, NOT = "reproduced", "not reproduced"
 UNDECIDED, STRONGER = "undecided", "stronger than claimed"
-VERDICTS = REPRODUCED, STRONGER, UNDECIDED, NOT
+VERDICTS = STRONGER, REPRODUCED, UNDECIDED, NOT  # from the best to the worst
 OPTIMAL = 0.9  # a return that misses the optimum by at most a tenth is called optimal
 EARLY = 500  # iterations within which a start shows
 EVALUATIONS = 10  # of the greedy policy, before it is said to be optimal
@@ -45,6 +45,7 @@ class Claim:
     numbers: the number by protocol. printed: the number of the published curves, where there is
     one. ours: the claim is this book's and not the thesis'. overlap: by protocol, the share of the
     recorded iterations at which our intervals meet the published ones, the least of several curves.
+    fact: the sentence with its places {} unfilled, which counts once however many claims fill it.
     """
 
     text: str
@@ -56,6 +57,11 @@ class Claim:
     stronger: str = ""
     ours: bool = False
     overlap: Mapping[str, float] = field(factory=dict)
+    fact: str = field()
+
+    @fact.default
+    def _own_fact(self) -> str:
+        return self.text
 
     def verdict(self, protocol: str) -> str:
         """Whether the claim holds in a protocol."""
@@ -280,7 +286,8 @@ class Figure:
         for label in labels:
             name = "" if "{}" in text else f" of {label}"
             number = f"learning return{name} at {t:,}, {self._unit}"
-            claim = self.claim(text.format(label), number, lambda a: a.share(t), label, **bounds)
+            own = text.format(label)
+            claim = self.claim(own, number, lambda a: a.share(t), label, fact=text, **bounds)
             claims.append(claim)
         return claims
 
@@ -301,7 +308,7 @@ class Figure:
             number = f"{label} minus {other}, averaged until {end:,}, {self._unit}"
             own = text.format(label, other)
             claim = self.claim(
-                own, number, lambda a, b: a.gain_until(b, end), label, other, **bounds
+                own, number, lambda a, b: a.gain_until(b, end), label, other, fact=text, **bounds
             )
             claims.append(claim)
         return claims

@@ -159,6 +159,14 @@ def test_a_claim_is_measured_alike_in_both_protocols_and_on_the_published_curves
     assert Figure(figure.protocols).claim(*alone).printed is None
 
 
+def test_rows_of_one_sentence_are_of_one_fact(figure):
+    earns, ahead = "{} does well.", "{} is ahead of {}."
+    rows = figure.earns(earns, "AB", 500) + figure.ahead(ahead, "A", "AB", 1_500)
+    assert [row.text for row in rows[1:3]] == ["B does well.", "A is ahead of A."]
+    assert [row.fact for row in rows] == [earns, earns, ahead, ahead]
+    assert figure.leads("A leads.", "A", "B", 500).fact == "A leads."
+
+
 def test_curves_overlap_where_both_were_recorded_and_their_intervals_meet(figure, monkeypatch):
     # ours 1 +- 0.5 half widths of the mean at 500 and 1,000, published 1 +- 0.25; apart at 1,500
     assert figure.overlap("published", "A", "learning") == pytest.approx(2 / 3)
