@@ -1,7 +1,8 @@
 """The claims of section 6.3, of the mazes.
 
 Whoever set the bounds knew the published curves. Those of the main maze were committed together
-with its runs as published, and before its runs by the equations and those of the other mazes.
+with its runs as published, and before its runs by the equations and those of the other mazes. The
+row on the optimum, which is over all of them, came after the runs.
 """
 
 from collections.abc import Iterable, Sequence
