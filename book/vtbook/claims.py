@@ -26,7 +26,7 @@ from vtlib.stats import Interval, mean_interval
 
 REPRODUCED, NOT = "reproduced", "not reproduced"
 UNDECIDED, STRONGER = "undecided", "stronger than claimed"
-VERDICTS = REPRODUCED, STRONGER, UNDECIDED, NOT
+VERDICTS = STRONGER, REPRODUCED, UNDECIDED, NOT  # from the best to the worst
 OPTIMAL = 0.9  # a return that misses the optimum by at most a tenth is called optimal
 EARLY = 500  # iterations within which a start shows
 EVALUATIONS = 10  # of the greedy policy, before it is said to be optimal
@@ -39,10 +39,13 @@ class Claim:
     """A claim of the thesis in this book's words, and the number that decides about it.
 
     The claim holds where the number lies between low and high. Beyond the bound that ``stronger``
-    names, "low" or "high", the claim is an understatement. measure: what the number is, in words.
+    names, "low" or "high", the claim is an understatement. Where both bounds are one value, the
+    claim is that nothing differs from it, and holds where the interval contains that value.
+    measure: what the number is, in words.
     numbers: the number by protocol. printed: the number of the published curves, where there is
     one. ours: the claim is this book's and not the thesis'. overlap: by protocol, the share of the
     recorded iterations at which our intervals meet the published ones, the least of several curves.
+    fact: the sentence with its places {} unfilled, which counts once however many claims fill it.
     """
 
     text: str
@@ -54,6 +57,11 @@ class Claim:
     stronger: str = ""
     ours: bool = False
     overlap: Mapping[str, float] = field(factory=dict)
+    fact: str = field()
+
+    @fact.default
+    def _own_fact(self) -> str:
+        return self.text
 
     def verdict(self, protocol: str) -> str:
         """Whether the claim holds in a protocol."""
@@ -61,6 +69,8 @@ class Claim:
 
     def judge(self, number: Interval) -> str:
         """The verdict on a number: undecided when its interval holds both answers."""
+        if self.low == self.high:
+            return REPRODUCED if number.low <= self.low <= number.high else NOT
         if number.low >= self.low and number.high <= self.high:
             return REPRODUCED
         below, above = number.high < self.low, number.low > self.high
@@ -72,6 +82,8 @@ class Claim:
     def bounds(self) -> str:
         """What the number has to keep, in words."""
         low, high = (f"{x:g}".replace("-", "−") for x in (self.low, self.high))
+        if low == high:
+            return f"the interval contains {low}"
         if np.isinf(self.high):
             return f"at least {low}"
         return f"at most {high}" if np.isinf(self.low) else f"{low} to {high}"
@@ -136,14 +148,18 @@ class Runs:
         return ratio_interval(self.at(t), other.at(t))
 
     def solved(self, t: int) -> Interval:
-        """Share of the runs whose greedy policy misses its own optimum by at most a tenth.
+        """Share of the runs that are optimal around an iteration."""
+        return share_interval(self.optimal(t))
+
+    def optimal(self, t: int) -> np.ndarray:
+        """Whether the greedy policy of each run (R,) misses its own optimum by at most a tenth.
 
         An evaluation has but ten episodes, so the mean of the ten nearest to t is taken.
         """
         away = np.abs(self.stored.iteration.values - t)
         greedy = self.stored.greedy.values[:, np.argsort(away, kind="stable")[:EVALUATIONS]]
         own = self.stored.optimum.values - self.floor
-        return share_interval(greedy.mean(1) - self.floor >= OPTIMAL * own)
+        return np.asarray(greedy.mean(1) - self.floor >= OPTIMAL * own)
 
     @property
     def fallen(self) -> int:
@@ -270,7 +286,8 @@ class Figure:
         for label in labels:
             name = "" if "{}" in text else f" of {label}"
             number = f"learning return{name} at {t:,}, {self._unit}"
-            claim = self.claim(text.format(label), number, lambda a: a.share(t), label, **bounds)
+            own = text.format(label)
+            claim = self.claim(own, number, lambda a: a.share(t), label, fact=text, **bounds)
             claims.append(claim)
         return claims
 
@@ -291,7 +308,7 @@ class Figure:
             number = f"{label} minus {other}, averaged until {end:,}, {self._unit}"
             own = text.format(label, other)
             claim = self.claim(
-                own, number, lambda a, b: a.gain_until(b, end), label, other, **bounds
+                own, number, lambda a, b: a.gain_until(b, end), label, other, fact=text, **bounds
             )
             claims.append(claim)
         return claims

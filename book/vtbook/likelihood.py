@@ -34,10 +34,30 @@ def bin_of(experiment: Experiment) -> np.ndarray:
     return np.searchsorted(EDGES, likelihoods(experiment) - 1e-6)
 
 
-def shares(stored: Dataset, t: int, chosen: np.ndarray) -> np.ndarray:
-    """What the chosen runs earn while learning at an iteration, of their own optimum."""
-    earned = np.asarray(stored.learning.sel(iteration=t) / stored.optimum)
-    return np.asarray(earned[chosen])
+def by_door(experiment: Experiment, values: np.ndarray, chosen: np.ndarray) -> np.ndarray:
+    """The mean (D,) over the runs at each door of some chosen runs (R,), which are whole doors.
+
+    Runs at one door share their task: only doors are independent of each other.
+    """
+    return np.asarray(values[chosen].reshape(-1, experiment.runs_per_task).mean(1))
+
+
+def shares(experiment: Experiment, stored: Dataset, t: int, chosen: np.ndarray) -> np.ndarray:
+    """What is earned while learning at each chosen door (D,) at an iteration, of its optimum."""
+    earned = stored.learning.sel(iteration=t) / stored.optimum
+    return by_door(experiment, earned.values, chosen)
+
+
+def doors_interval(means: np.ndarray) -> Interval:
+    """The mean over doors (D,) with its interval; a single door has none, so its ends are NaN."""
+    return mean_interval(means) if len(means) > 1 else Interval(means.mean(), np.nan, np.nan)
+
+
+def gap(experiment: Experiment, t: int) -> Interval:
+    """GVT minus 1-MGVT in the lowest fifth, paired by door."""
+    lowest = bin_of(experiment) == 0
+    earned = (shares(experiment, returns(experiment, x), t, lowest) for x in LABELS)
+    return doors_interval(np.subtract(*earned))
 
 
 def binned() -> dict[str, Bins]:
@@ -61,7 +81,10 @@ def _bins(experiment: Experiment) -> Bins:
     place = bin_of(experiment)
     runs = {label: returns(experiment, label) for label in LABELS}
     return {
-        (label, t): [mean_interval(shares(runs[label], t, place == i)) for i in range(len(EDGES))]
+        (label, t): [
+            doors_interval(shares(experiment, runs[label], t, place == i))
+            for i in range(len(EDGES))
+        ]
         for label in LABELS
         for t in AT
     }

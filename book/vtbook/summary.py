@@ -19,13 +19,17 @@ def page_claims() -> Mapping[str, list[Claim]]:
 
 
 def counts() -> dict[str, int]:
-    """How many claims have each verdict, and how many there are, such as "published-all"."""
-    claims = [claim for claims in page_claims().values() for claim in claims]
-    numbers = {}
+    """How many facts have each verdict, how many there are, and how many rows stand behind them.
+
+    The names are such as "published-reproduced", "published-all" and "published-rows".
+    """
+    pages, numbers = page_claims().values(), {}
     for protocol in PROTOCOLS:
-        verdicts = tally(claims, protocol)
+        verdicts = tally(pages, protocol)
         numbers[f"{protocol}-all"] = sum(verdicts.values())
         numbers |= {f"{protocol}-{verdict}": count for verdict, count in verdicts.items()}
+        rows = [claim for claims in pages for claim in claims if not claim.ours]
+        numbers[f"{protocol}-rows"] = sum(protocol in claim.numbers for claim in rows)
     return numbers
 
 

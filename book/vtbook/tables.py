@@ -110,9 +110,22 @@ def _on_phones(head: str) -> str:
     return f"<span class='head'>{head}: </span>"
 
 
-def tally(claims: Iterable[Claim], protocol: str) -> dict[str, int]:
-    """How many claims of the thesis' own have each verdict in a protocol."""
-    verdicts = [x.verdict(protocol) for x in claims if protocol in x.numbers and not x.ours]
+def fact_verdicts(claims: Iterable[Claim], protocol: str) -> list[str]:
+    """The verdict on each fact of one page in a protocol: the worst of its claims' verdicts."""
+    verdicts: dict[str, list[str]] = {}
+    for claim in claims:
+        if protocol in claim.numbers:
+            verdicts.setdefault(claim.fact, []).append(claim.verdict(protocol))
+    return [max(rows, key=VERDICTS.index) for rows in verdicts.values()]
+
+
+def tally(pages: Iterable[Sequence[Claim]], protocol: str) -> dict[str, int]:
+    """How many facts of the thesis' own have each verdict in a protocol, by pages of claims."""
+    verdicts = [
+        verdict
+        for claims in pages
+        for verdict in fact_verdicts((x for x in claims if not x.ours), protocol)
+    ]
     return {verdict: verdicts.count(verdict) for verdict in VERDICTS}
 
 

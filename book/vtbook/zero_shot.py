@@ -20,8 +20,9 @@ def zero_shot(
 ) -> np.ndarray:
     """What each run's sources earn without learning (R,), by the best of them at each step.
 
-    weights (count, d) are those of the pool's sources; or by the mean of a run's own. Source:
-    Barreto et al. (2017), generalised policy improvement.
+    weights (count, d) are those of the pool's sources; or by the mean of a run's own. The best is
+    the source of the largest value. That is no generalised policy improvement (Barreto et al.,
+    2017), which needs the values of the sources' policies in the target.
     """
     check_pool_weights(experiment.pool, weights)
     sources = torch.from_numpy(weights[chosen_sources(experiment, range(experiment.runs))])

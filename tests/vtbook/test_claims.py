@@ -39,6 +39,16 @@ def test_a_claim_is_decided_by_where_its_whole_interval_lies(low, high, plain, s
     assert Claim("", "", found, None, low=-0.15).bounds == "at least −0.15"
 
 
+@pytest.mark.parametrize(
+    ("low", "high", "verdict"),
+    [(-0.1, 0.1, REPRODUCED), (0.0, 0.1, REPRODUCED), (0.001, 0.1, NOT), (-0.1, -0.001, NOT)],
+)
+def test_a_claim_of_no_difference_holds_where_the_interval_contains_none(low, high, verdict):
+    claim = Claim("", "", {"published": Interval(0.0, low, high)}, None, 0.0, 0.0)
+    assert claim.verdict("published") == verdict
+    assert claim.bounds == "the interval contains 0"
+
+
 def runs(learning, greedy=None, optimum=1.0, spread=1.0, floor=0.0):
     """Eight runs with these mean returns at 500, 1,000 and 1,500 iterations."""
     data = {
@@ -103,6 +113,7 @@ def test_runs_that_miss_their_own_optimum_by_a_tenth_are_solved_with_wilsons_int
     some = runs([0] * 3, [0] * 3, own, 0.0, -110.0)
     mean = np.array([-20, -20.1, -19, -65, -65, -65.1, -64, -60])
     some.stored.greedy[:] = np.add.outer(mean, [-4, 8, -4])  # of all evaluations, there being few
+    np.testing.assert_array_equal(some.optimal(1_000), [1, 0, 1, 0, 1, 0, 1, 1])
     # of five in eight
     assert tuple(some.solved(1_000)) == pytest.approx((0.625, 0.305742, 0.863156), rel=1e-5)
 
@@ -146,6 +157,14 @@ def test_a_claim_is_measured_alike_in_both_protocols_and_on_the_published_curves
     assert figure.claim(*alone, kind="greedy").overlap["equations"] == pytest.approx(2 / 3)
     assert figure.claim(*alone, printed=False).printed is None
     assert Figure(figure.protocols).claim(*alone).printed is None
+
+
+def test_rows_of_one_sentence_are_of_one_fact(figure):
+    earns, ahead = "{} does well.", "{} is ahead of {}."
+    rows = figure.earns(earns, "AB", 500) + figure.ahead(ahead, "A", "AB", 1_500)
+    assert [row.text for row in rows[1:3]] == ["B does well.", "A is ahead of A."]
+    assert [row.fact for row in rows] == [earns, earns, ahead, ahead]
+    assert figure.leads("A leads.", "A", "B", 500).fact == "A leads."
 
 
 def test_curves_overlap_where_both_were_recorded_and_their_intervals_meet(figure, monkeypatch):

@@ -1,4 +1,7 @@
-"""Returns by the likelihood of the task: bins by hand, and the published figure beside them."""
+"""Returns by the likelihood of the task: bins by hand, and the published figure beside them.
+
+The unit is a door: its runs are averaged, and intervals are over doors.
+"""
 
 import numpy as np
 import pytest
@@ -9,7 +12,8 @@ from vtbook.experiments import rooms
 from vtlib.stats import mean_interval
 
 PUBLISHED = rooms.ROOMS_LIKELIHOOD.published
-# Two in each of five bins, which hold their upper edges.
+EACH = PUBLISHED.runs_per_task
+# Two doors in each of five bins, which hold their upper edges.
 LIKELIHOODS = np.array([0.001, 0.2, 0.2001, 0.4, 0.41, 0.5, 0.61, 0.8, 0.8001, 1.0])
 DOORS = 5 + 1.8 * np.resize([1, -1], 10) * np.sqrt(-2 * np.log(LIKELIHOODS))
 OPTIMUM = np.linspace(0.5, 1.0, 10)
@@ -18,11 +22,13 @@ OPTIMUM = np.linspace(0.5, 1.0, 10)
 @pytest.fixture
 def stored(monkeypatch):
     """Runs at these doors: 1-MGVT earns half of its optimum, GVT the square of that share."""
-    tasks = Dataset({"doors": (("run", "doors_1"), DOORS[:, None]), "optimum": ("run", OPTIMUM)})
+    doors, optimum = DOORS.repeat(EACH), OPTIMUM.repeat(EACH)
+    tasks = Dataset({"doors": (("run", "doors_1"), doors[:, None]), "optimum": ("run", optimum)})
+    luck = np.resize([0.5, 1.5], EACH * len(DOORS))  # of the runs at a door
 
     def returns(_, label):
-        share = {"1-MGVT": 0.5, "GVT": 0.25}[label] * np.resize([1.1, 0.9], 10)
-        learning = np.outer(share * OPTIMUM, 1 + np.array(likelihood.AT) / 4_000)
+        share = {"1-MGVT": 0.5, "GVT": 0.25}[label] * np.resize([1.1, 0.9], 10).repeat(EACH)
+        learning = np.outer(luck * share * optimum, 1 + np.array(likelihood.AT) / 4_000)
         return tasks.assign(learning=(("run", "iteration"), learning), iteration=[*likelihood.AT])
 
     monkeypatch.setattr(likelihood, "load", lambda *_: tasks)
@@ -30,9 +36,9 @@ def stored(monkeypatch):
 
 
 def test_bins_hold_shares_of_each_runs_optimum_and_the_published_ones_of_theirs(stored):
-    np.testing.assert_allclose(likelihood.likelihoods(PUBLISHED), LIKELIHOODS)
+    np.testing.assert_allclose(likelihood.likelihoods(PUBLISHED), LIKELIHOODS.repeat(EACH))
     # up to the upper edge
-    np.testing.assert_array_equal(likelihood.bin_of(PUBLISHED), np.arange(5).repeat(2))
+    np.testing.assert_array_equal(likelihood.bin_of(PUBLISHED), np.arange(5).repeat(2 * EACH))
     found = likelihood.binned()
     assert set(found) == {"published", "equations", "printed"}
     for name in ("published", "equations"):
@@ -44,3 +50,12 @@ def test_bins_hold_shares_of_each_runs_optimum_and_the_published_ones_of_theirs(
         np.testing.assert_allclose(rows["normalised_likelihood"], likelihood.EDGES)
         expected = np.stack([rows[x] for x in ("mean", "low", "high")], 1)
         np.testing.assert_allclose(bins, expected / OPTIMUM.reshape(5, 2).mean(1, keepdims=True))
+
+
+def test_the_gap_is_paired_by_door(stored):
+    expected = mean_interval((0.25 - 0.5) * 1.25 * np.array([1.1, 0.9]))
+    np.testing.assert_allclose(likelihood.gap(PUBLISHED, 1_000), expected)
+
+
+def test_a_single_door_has_no_interval():
+    np.testing.assert_equal(tuple(likelihood.doors_interval(np.ones(1))), (1.0, np.nan, np.nan))

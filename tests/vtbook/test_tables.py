@@ -4,6 +4,7 @@ import re
 from html import unescape
 
 import numpy as np
+import pytest
 
 from vtbook import tables
 from vtbook.claims import NOT, REPRODUCED, STRONGER, UNDECIDED, Claim
@@ -57,13 +58,39 @@ def test_claims_are_told_with_what_decides_about_them():
     assert all(x in row for x in ("0.100 (−0.001 to 0.200)<", "2.00<"))
 
 
-def test_the_tally_counts_the_thesis_own_claims_of_a_protocol():
-    found = [(IN, IN), (IN, OUT), (ACROSS, OUT), (Interval(-2, -3, -1),)]
-    each = [dict(zip(tables.PROTOCOLS, one, strict=False)) for one in found]
-    claims = [Claim("", "", one, None, 0.0, 1.0, "high") for one in each]
-    claims.append(Claim("", "", each[0], None, ours=True))
-    assert tables.tally(claims, "published") == {REPRODUCED: 2, STRONGER: 0, UNDECIDED: 1, NOT: 1}
-    assert tables.tally(claims, "equations") == {REPRODUCED: 1, STRONGER: 2, UNDECIDED: 0, NOT: 0}
+def claim_of(text, *numbers, **more):
+    by_protocol = dict(zip(tables.PROTOCOLS, numbers, strict=False))
+    return Claim(text, "", by_protocol, None, 0.0, 1.0, "high", **more)
+
+
+def test_the_tally_counts_the_thesis_own_facts_of_a_protocol():
+    below = Interval(-2, -3, -1)
+    page = [claim_of("A", IN, IN), claim_of("B", IN, OUT), claim_of("C", ACROSS, OUT)]
+    page += [claim_of("D", below), claim_of("E", IN, IN, ours=True)]
+    # what another page says in the same words is another fact
+    for pages in ([page], [page, [claim_of("A", IN, IN)]]):
+        more = len(pages) - 1
+        expected = {REPRODUCED: 2 + more, STRONGER: 0, UNDECIDED: 1, NOT: 1}
+        assert tables.tally(pages, "published") == expected
+        expected = {REPRODUCED: 1 + more, STRONGER: 2, UNDECIDED: 0, NOT: 0}
+        assert tables.tally(pages, "equations") == expected
+
+
+@pytest.mark.parametrize(
+    ("numbers", "verdict"),
+    [
+        ((IN, IN), REPRODUCED),
+        ((OUT, OUT), STRONGER),
+        ((OUT, IN), REPRODUCED),  # one row alone is stronger
+        ((IN, ACROSS), UNDECIDED),
+        ((OUT, ACROSS), UNDECIDED),
+        ((IN, ACROSS, Interval(-2, -3, -1)), NOT),
+    ],
+)
+def test_a_fact_of_several_rows_counts_once_by_the_worst_of_them(numbers, verdict):
+    rows = [claim_of(f"Row {i}.", x, fact="Row {}.") for i, x in enumerate(numbers)]
+    assert tables.fact_verdicts(rows, "published") == [verdict]
+    assert sum(tables.tally([rows], "published").values()) == 1
 
 
 def test_what_sources_cost_is_told_with_what_they_save():
