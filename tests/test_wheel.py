@@ -10,6 +10,8 @@ from pathlib import Path
 
 import pytest
 
+from vtlib.native.build import CACHE
+
 pytest.importorskip("setuptools", "77")  # what pyproject.toml asks for
 ROOT = Path(__file__).resolve().parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -36,6 +38,8 @@ print(vtlab.store.results_folder().resolve())
 def python(code, folder, **environment):
     """Run a program in a folder, in a Python that sees the unpacked wheel and what is installed."""
     kept = {x: y for x, y in os.environ.items() if not x.startswith("VTLIB")}
+    # What the checkout has compiled of the compiler's own libraries need not be compiled again.
+    kept |= dict.fromkeys(("ZIG_LOCAL_CACHE_DIR", "ZIG_GLOBAL_CACHE_DIR"), str(CACHE))
     command, out = [sys.executable, "-P", "-c", code], {"capture_output": True, "text": True}
     return subprocess.run(command, cwd=folder, env=kept | environment, **out)
 

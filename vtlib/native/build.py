@@ -12,6 +12,7 @@ from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
 POSTERIOR = HERE / "posterior.cpp"
+CACHE = HERE / "lib" / ".cache"
 # No fast-math: NaN has to reach the check for diverged runs, and positions round as in torch.
 FLAGS = ("-O3", "-ffp-contract=on", "-fno-math-errno", "-fno-exceptions", "-fno-rtti")
 # Clang would split wide registers, which slowed the first processors that had them.
@@ -71,12 +72,11 @@ def compile_source(
     """Compile a source for a target and a processor; what a failing compiler raises, it raises."""
     out.parent.mkdir(exist_ok=True)
     # The compiler keeps its cache here, because a home may be missing or not be writable.
-    caches = {f"ZIG_{part}_CACHE_DIR": str(HERE / "lib" / ".cache") for part in ("LOCAL", "GLOBAL")}
+    env = dict.fromkeys(("ZIG_LOCAL_CACHE_DIR", "ZIG_GLOBAL_CACHE_DIR"), str(CACHE)) | os.environ
     with tempfile.TemporaryDirectory(dir=out.parent) as folder:
         new = Path(folder) / out.name
         command = [sys.executable, "-m", "ziglang", "c++", "-target", target, f"-mcpu={cpu}"]
         command += [*FLAGS, f"-I{HERE}", *WIDE.get(cpu, ()), *flags, "-o", str(new), str(source)]
-        env = os.environ | caches
         subprocess.run(command, check=True, capture_output=True, text=True, timeout=300, env=env)
         new.replace(out)  # at once: a process that loads it meanwhile has the old one or the new
     return out
