@@ -46,7 +46,7 @@ class Environment:
 
     def __init__(self, folder: Path) -> None:
         self.folder, self.python = folder, str(folder / "bin" / "python")
-        self.options: list[str] = []  # of pip, those of the user's that concern the network
+        self.options: list[str] = []  # for pip: how the user reaches the network
 
     def done(self) -> dict[str, str]:
         """Digests of the parts that are set up; none where the environment was made elsewhere."""
@@ -76,7 +76,7 @@ class Environment:
             )
 
     def pip(self, *arguments: str) -> subprocess.CompletedProcess[str]:
-        """Run pip with no setting of the user's but those of the network."""
+        """Run pip without the settings of the user."""
         return run([self.python, "-m", "pip", "--isolated", *arguments])
 
     def install(self, *arguments: str) -> subprocess.CompletedProcess[str]:
