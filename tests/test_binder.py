@@ -13,7 +13,7 @@ ROOT = Path(__file__).resolve().parents[1]
 
 @pytest.mark.skipif(
     "VTLIB_BINDER" not in os.environ,
-    reason="installs everything anew, which takes minutes: VTLIB_BINDER=1 asks for it",
+    reason="installs everything anew, which takes minutes: the workflow sets VTLIB_BINDER=1",
 )
 def test_an_image_is_set_up_from_nothing(book, tmp_path):
     checkout, venv = tmp_path / "checkout", tmp_path / "venv"

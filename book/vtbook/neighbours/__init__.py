@@ -10,7 +10,6 @@ from vtbook.neighbours.ivon import IVONSettings
 from vtbook.neighbours.langevin import LangevinSettings
 from vtbook.neighbours.regression import RegressionSettings
 from vtbook.neighbours.unstarted import UnstartedSettings
-from vtbook.neighbours.untouched import UntouchedSettings
 
 __all__ = [
     "HeadsSettings",
@@ -19,5 +18,4 @@ __all__ = [
     "LangevinSettings",
     "RegressionSettings",
     "UnstartedSettings",
-    "UntouchedSettings",
 ]
