@@ -35,23 +35,23 @@ SHARE = [*NO_NUMBER, -1e-9, 1 + 1e-7]
 WORD = [None, 3, "", "exact ", "student", ["full"]]
 BY_KIND = [
     ("components minibatch buffer n_samples heads epsilon_steps target_every", COUNT),
-    ("every recent updates", COUNT),
-    ("alpha alpha_mu alpha_L bandwidth sigma_p2 sigma_min jitter h0 noise", POSITIVE),
+    ("every recent updates trials episodes", COUNT),
+    ("alpha alpha_mu alpha_L bandwidth sigma_p2 sigma_min jitter h0", POSITIVE),
     ("kappa", [*POSITIVE, 9e-4]),
     ("clip kl_clip", POSITIVE[1:]),
-    ("lambda_ bias prior_scale scale", NEGATIVE),
+    ("lambda_ bias scale", NEGATIVE),
     ("psi epsilon_start epsilon_end", SHARE),
     ("gamma beta1 beta2", [*SHARE, 1]),
     ("family init act covariance kl prior start responsibilities", WORD),
     ("patience", [*NO_NUMBER, -1, 0.0]),
     ("ddof", [*NO_NUMBER, -1, 2, 0.5]),
     ("learner", [*WORD, Settings()]),
+    ("settings", WORD),
 ]
 BAD = {name: values for names, values in BY_KIND for name in names.split()}
 # what the same names mean elsewhere
 OWN = {
     neighbours.IVONSettings: {"lambda_": POSITIVE, "clip": POSITIVE},
-    neighbours.RegressionSettings: {"alpha": SHARE},
 }
 AGENTS = [Settings("gaussian"), Settings(components=2), MellowTDSettings(5), DDQNSettings(5)]
 ALL = [*AGENTS, Recommended()]

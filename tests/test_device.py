@@ -14,10 +14,8 @@ from torch.utils._pytree import tree_leaves
 
 from vtbook.neighbours import (
     HeadsSettings,
-    HierarchicalSettings,
     IVONSettings,
     LangevinSettings,
-    RegressionSettings,
     UnstartedSettings,
 )
 from vtlab.experiment import Algorithm
@@ -93,9 +91,7 @@ SHORT = partial(Settings, lambda_=1e-2, alpha_L=1e-4, minibatch=3, n_samples=2)
         FineTuning(MellowTDSettings(epsilon_steps=9)),
         IVONSettings(),
         LangevinSettings(alpha=1e-9),
-        HeadsSettings(prior_scale=1.0),
-        RegressionSettings(every=5),
-        HierarchicalSettings("gaussian", minibatch=3),
+        HeadsSettings(),
         UnstartedSettings(minibatch=3),
     ],
 )

@@ -122,7 +122,7 @@ class EpsilonGreedyLearner(ABC):
         """Store one transition of each run and take one gradient step."""
         self._buffer.add(transition)
         self._steps += 1
-        self._update()
+        self.update()
 
     def keep(self, rows: Sequence[int]) -> None:
         """Go on with some of the runs, by their places in the batch, in that order."""
@@ -134,7 +134,8 @@ class EpsilonGreedyLearner(ABC):
         # Adam's moments are as large as the weights, its step count is one number
         self._adam.state[self.mu] = {k: x[rows] if x.ndim else x for k, x in state.items()}
 
-    def _update(self) -> None:
+    def update(self) -> None:
+        """One gradient step on a minibatch of what is remembered."""
         batch = self._buffer.sample(self._replay.uniform(self._settings.minibatch))
         self.mu.grad = self._gradient(batch)
         self._adam.step()

@@ -101,7 +101,7 @@ class InUnits(VariationalTransfer):
         """Store one transition of each run and take some gradient steps on eq. 5.2."""
         super().learn(transition)
         for _ in range(self._updates - 1):
-            self._update()
+            self.update()
         if self._steps >= FIRST and self._steps.bit_count() == 1:
             self._measure()
 

@@ -177,13 +177,13 @@ class VariationalTransfer:
         """Store one transition of each run and take one gradient step on eq. 5.2."""
         self._buffer.add(transition)
         self._steps += 1
-        self._update()
+        self.update()
 
     def remembered(self, u: Tensor) -> Transition:
         """Transitions (R, B) of the replay memory, chosen by uniform numbers u (R, B)."""
         return self._buffer.sample(u)
 
-    def _update(self) -> None:
+    def update(self) -> None:
         """One gradient step on a minibatch, and the samples of the next."""
         batch = self._buffer.sample(self._replay.uniform(self._settings.minibatch))
         if self._steps > self._settings.patience:

@@ -64,3 +64,23 @@ CONTROLS = {
     "mountain_car": control(CAR.published, 40, 10_000),
     "mazes": control(MAZE_TARGETS[MAIN].published, 10, 10_000),
 }
+
+# The main contrasts with sources that another seed has drawn and solved, on the same targets.
+MAIN_CONTRASTS = ("1-MGVT", "1-MGVT, point", "GVT", FROM_MEAN)
+
+
+def with_other_sources(experiment: Experiment, runs: int) -> Experiment:
+    """The main contrasts of a page's controls from a second pool of sources."""
+    return evolve(
+        experiment,
+        name=f"{experiment.name}-second-pool",
+        pool=evolve(experiment.pool, name=f"{experiment.pool.name}-second", stream="second pool"),
+        algorithms={label: experiment.algorithms[label] for label in MAIN_CONTRASTS},
+        runs=runs,
+    )
+
+
+SECOND_POOLS = {
+    page: with_other_sources(CONTROLS[page], runs)
+    for page, runs in {"rooms_evaluation": 120, "cartpole": 100, "mountain_car": 40}.items()
+}

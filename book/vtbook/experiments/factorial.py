@@ -1,23 +1,25 @@
 """What each part of 1-MGVT carries in three rooms: all its parts, in all combinations.
 
-The settings are those that tuning has chosen for 1-MGVT. From them depart the start, the posterior,
-the number of its components, and the operator; nothing is tuned again.
+The settings are those that tuning has chosen for 1-MGVT. From them depart the start, the weight of
+the prior, the posterior, the number of its components, and the operator; nothing is tuned again.
 """
 
 import itertools
+from typing import Any
 
 import numpy as np
 from attrs import asdict, evolve
 
 from vtbook.experiments.compared import ENVIRONMENTS
+from vtbook.experiments.controls import FROZEN, POINT
 from vtbook.experiments.protocols import transfer_settings
 from vtbook.neighbours import UnstartedSettings
 from vtlab.experiment import Algorithm
-from vtlib.baselines import FineTuning, MellowTDSettings
 
 ROOMS, RUNS = ENVIRONMENTS[0], 20
 STARTS = ("nothing", "sources", "mean")
-# no posterior, or its covariance and the number of its components
+WEIGHTS = ("free", "held")  # by the divergence, or not at all
+# samples that hardly differ, or the covariance and the number of components
 POSTERIORS = ("point", "diagonal 1", "full 1", "diagonal 3", "full 3")
 OPERATORS = {"max": 1e4, "mellow": 100.0}  # kappa; mellowmax is above max - log(4) / kappa
 
@@ -25,6 +27,7 @@ OPERATORS = {"max": 1e4, "mellow": 100.0}  # kappa; mellowmax is above max - log
 PARTS = {
     "start at sources, not at nothing": ("nothing", "sources"),
     "start at their mean, not at single ones": ("sources", "mean"),
+    "held by the prior, not free": (", free", ", held"),
     "a posterior, not a point": ("point", "full 1"),
     "a full covariance, not a diagonal": ("diagonal", "full"),
     "three components, not one": (" 1,", " 3,"),
@@ -32,26 +35,22 @@ PARTS = {
 }
 
 
-def algorithm(start: str, posterior: str, operator: str) -> Algorithm:
+def algorithm(start: str, weight: str, posterior: str, operator: str) -> Algorithm:
     """The algorithm of a combination."""
     tuned = transfer_settings(ROOMS.judged(), "1-MGVT")
-    kappa = OPERATORS[operator]
+    lambda_ = tuned.lambda_ if weight == "held" else 0.0
+    changes: dict[str, Any] = {"kappa": OPERATORS[operator], "lambda_": lambda_}
     if posterior == "point":
-        learner = MellowTDSettings(
-            epsilon_steps=1,
-            epsilon_start=0.02,
-            alpha=tuned.alpha_mu,
-            **{x: getattr(tuned, x) for x in ("psi", "gamma", "minibatch", "buffer")},
-            kappa=kappa,
-        )
-        if start == "nothing":
-            return learner
-        return FineTuning(learner, "one" if start == "sources" else "mean")
-    covariance, components = posterior.split()
-    chosen = evolve(tuned, kappa=kappa, covariance=covariance, components=int(components))
+        # lambda / sigma^2, the weight of the prior on the mean, stays
+        changes["lambda_"] *= POINT**2 / tuned.sigma_p2
+        changes |= {"sigma_p2": POINT**2, "alpha_L": FROZEN}
+    else:
+        covariance, components = posterior.split()
+        changes |= {"covariance": covariance, "components": int(components)}
     if start == "nothing":
-        return UnstartedSettings(**asdict(chosen), scale=ROOMS.experiment.family.scale)
-    return evolve(chosen, init=start)
+        settings = asdict(evolve(tuned, **changes))
+        return UnstartedSettings(**settings, scale=ROOMS.experiment.family.scale)
+    return evolve(tuned, init=start, **changes)
 
 
 NAME = f"{ROOMS.experiment.name}-factorial"
@@ -61,14 +60,21 @@ FACTORIAL = evolve(
     stream=NAME,
     algorithms={
         ", ".join(parts): algorithm(*parts)
-        for parts in itertools.product(STARTS, POSTERIORS, OPERATORS)
+        for parts in itertools.product(STARTS, WEIGHTS, POSTERIORS, OPERATORS)
     },
     runs=RUNS,
 )
 
 
 def effects(part: str) -> np.ndarray:
-    """What a part adds to the share of the optimum (N, R), in all N combinations of the others."""
+    """What a part adds to the share of the optimum (N, R), in all N combinations of the others.
+
+    Only the part that is a start is compared with the start from nothing, where nothing else adds.
+    """
     without, present = PARTS[part]
-    pairs = [(x, x.replace(without, present)) for x in FACTORIAL.algorithms if without in x]
+    pairs = [
+        (x, x.replace(without, present))
+        for x in FACTORIAL.algorithms
+        if without in x and (without == STARTS[0] or not x.startswith(STARTS[0]))
+    ]
     return np.stack([ROOMS.earned(FACTORIAL, b) - ROOMS.earned(FACTORIAL, a) for a, b in pairs])

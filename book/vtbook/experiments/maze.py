@@ -9,6 +9,7 @@ from vtbook.experiments.protocols import (
     fine_tuning,
     mixture_one_at_a_time,
 )
+from vtbook.neighbours import GuidedSettings
 from vtbook.stopping_mazes import StoppingMazeFamily
 from vtlab.envs.maze import MazeFamily
 from vtlab.experiment import Experiment, Pool
@@ -75,12 +76,14 @@ def _target(number: int) -> Protocols:
 
 MAZE_TARGETS = {number: _target(number) for number in TARGETS}
 DIAGONAL = "1-MGVT-diagonal"
-# The mixtures' learner without any source: what their lead over DDQN owes to transfer.
+# The mixtures' learner without any source: what their lead over DDQN owes to transfer. Guided by
+# what the sources do it owes them exploration, but no weights.
+NT = MellowTDSettings(epsilon_steps=ITERATIONS // 10)
 MAZE_NOTHING = {
     number: evolve(
         protocols.published,
         name="maze-no-transfer" if number == MAIN else f"maze-{number}-no-transfer",
-        algorithms={"NT": MellowTDSettings(epsilon_steps=ITERATIONS // 10)},
+        algorithms={"NT": NT, "NT, guided": GuidedSettings(NT)},
     )
     for number, protocols in MAZE_TARGETS.items()
 }

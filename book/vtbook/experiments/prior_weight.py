@@ -11,7 +11,7 @@ from attrs import evolve
 
 from vtbook.experiments.controls import FROZEN, POINT
 from vtbook.experiments.protocols import FROM_MEAN, transfer_settings
-from vtbook.experiments.rooms import ROOMS_EVALUATION
+from vtbook.experiments.rooms import ROOMS_CHANGE, ROOMS_EVALUATION, ROOMS_LIKELIHOOD
 from vtlab.experiment import Algorithm, Experiment
 
 WEIGHTS = (1e-3, 1e-2, 0.1, 1.0, 10.0, 100.0)  # the published are .1 of 1-MGVT and 10 of GVT
@@ -24,7 +24,7 @@ def labelled(posterior: str, weight: float) -> str:
     return f"{posterior}, weight {weight:g}"
 
 
-def weighted(experiment: Experiment, runs: int) -> Experiment:
+def weighted(experiment: Experiment, runs: int, runs_per_task: int = 1) -> Experiment:
     """A page's experiment with each posterior under priors of all weights, and the start alone."""
     mixture, gaussian = (transfer_settings(experiment, label) for label in ("1-MGVT", "GVT"))
     point = evolve(mixture, sigma_p2=POINT**2, alpha_L=FROZEN)
@@ -38,8 +38,13 @@ def weighted(experiment: Experiment, runs: int) -> Experiment:
         name=f"{experiment.name}-prior-weight",
         algorithms=algorithms,
         runs=runs,
+        runs_per_task=runs_per_task,
         iterations=ITERATIONS,
     )
 
 
-PRIOR_WEIGHT = weighted(ROOMS_EVALUATION.published, 60)
+PRIOR_WEIGHT = {
+    "rooms_evaluation": weighted(ROOMS_EVALUATION.published, 60),
+    "rooms_distribution_change": weighted(ROOMS_CHANGE.published, 60),
+    "rooms_likelihood": weighted(ROOMS_LIKELIHOOD.published, 76, 4),
+}

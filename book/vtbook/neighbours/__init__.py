@@ -4,18 +4,20 @@ Each is a frozen attrs class of settings whose ``agent`` is given the sources' w
 ``vtlib.transfer.Settings``: an experiment runs it, stores it and verifies it like any algorithm.
 """
 
+from vtbook.neighbours.guided import GuidedSettings
 from vtbook.neighbours.heads import HeadsSettings
-from vtbook.neighbours.hierarchical import HierarchicalSettings
 from vtbook.neighbours.ivon import IVONSettings
 from vtbook.neighbours.langevin import LangevinSettings
-from vtbook.neighbours.regression import RegressionSettings
+from vtbook.neighbours.repeated import RepeatedSettings
 from vtbook.neighbours.unstarted import UnstartedSettings
+from vtbook.neighbours.untouched import UntouchedSettings
 
 __all__ = [
+    "GuidedSettings",
     "HeadsSettings",
-    "HierarchicalSettings",
     "IVONSettings",
     "LangevinSettings",
-    "RegressionSettings",
+    "RepeatedSettings",
     "UnstartedSettings",
+    "UntouchedSettings",
 ]

@@ -52,9 +52,13 @@ class Learner(ABC):
         return greedy(self._q, self._acting(fresh), obs)
 
     def learn(self, transition: Transition) -> None:
-        """Store one transition of each run and learn from a minibatch."""
+        """Store one transition of each run and learn from what is remembered."""
         self._buffer.add(transition)
         self._steps += 1
+        self.update()
+
+    def update(self) -> None:
+        """One step of learning from a minibatch of what is remembered."""
         self._descend(self._buffer.sample(self._replay.uniform(self._td.minibatch)))
 
     def _gradients(self, w: Tensor, batch: Transition) -> Tensor:

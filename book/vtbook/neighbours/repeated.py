@@ -1,4 +1,4 @@
-"""Fine-tuning with several gradient steps for each step of the environment."""
+"""Any learner with several gradient steps for each step of the environment."""
 
 from __future__ import annotations
 
@@ -7,40 +7,50 @@ from typing import Any, ClassVar
 from attrs import field, frozen
 from torch import Tensor
 
-from vtlib.baselines import FineTuning, MellowTD
+from vtlab.experiment import Algorithm
 from vtlib.checks import kind, whole
 from vtlib.qfunctions import QFunction
 from vtlib.replay import Transition
 from vtlib.rng import Rng
+from vtlib.transfer import Settings
 
 
 @frozen
-class RepeatedTuning:
-    """Parameters of fine-tuning by mellow TD that learns ``updates`` times a step.
+class RepeatedSettings:
+    """Parameters of an algorithm that transfers and learns ``updates`` times a step.
 
     Raises ValueError for a value outside its range.
     """
 
     transfers: ClassVar[bool] = True
 
-    tuning: FineTuning = field(validator=kind(FineTuning))
+    settings: Any = field(default=Settings(), validator=kind(Algorithm))
     updates: int = field(default=4, validator=whole())
 
-    def agent(self, q: QFunction, sources: Tensor, obs_dim: int, rng: Rng) -> RepeatedTD:
-        """A learner that transfers from sources (R, S, d)."""
-        w = self.tuning.first_weights(sources.cpu())
-        return RepeatedTD(self.updates, q, w, obs_dim, self.tuning.learner, rng)
+    def agent(self, q: QFunction, sources: Tensor, obs_dim: int, rng: Rng) -> Repeated:
+        """The algorithm's agent, which transfers from sources (R, S, d)."""
+        return Repeated(self.settings.agent(q, sources, obs_dim, rng), self.updates)
 
 
-class RepeatedTD(MellowTD):
-    """``MellowTD`` with so many gradient steps, each on a minibatch of its own, for each step."""
+class Repeated:
+    """An agent with so many gradient steps, each on a minibatch of its own, for each step."""
 
-    def __init__(self, updates: int, *arguments: Any) -> None:
-        super().__init__(*arguments)
-        self._updates = updates
+    def __init__(self, agent: Any, updates: int) -> None:
+        self._agent, self._updates = agent, updates
+
+    @property
+    def mu(self) -> Tensor:
+        """The agent's weights (R, C, d)."""
+        mu: Tensor = self._agent.mu
+        return mu
+
+    def act(self, obs: Tensor, fresh: Tensor) -> Tensor:
+        """The agent's actions (R,)."""
+        actions: Tensor = self._agent.act(obs, fresh)
+        return actions
 
     def learn(self, transition: Transition) -> None:
         """Store one transition of each run and take the gradient steps."""
-        super().learn(transition)
+        self._agent.learn(transition)
         for _ in range(self._updates - 1):
-            self._update()
+            self._agent.update()

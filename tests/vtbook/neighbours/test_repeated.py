@@ -1,9 +1,9 @@
-"""Fine-tuning with several updates a step: one is fine-tuning itself, more go further."""
+"""Several updates a step: one is the algorithm itself, more go further."""
 
 import pytest
 import torch
 
-from vtbook.neighbours.repeated import RepeatedTuning
+from vtbook.neighbours import RepeatedSettings
 from vtlib.baselines import FineTuning, MellowTDSettings
 from vtlib.qfunctions import MLP
 from vtlib.replay import Transition
@@ -24,15 +24,15 @@ def tuned(settings, steps=10):
     return sources.mean(1), agent.mu[:, 0]
 
 
-def test_one_update_is_fine_tuning_itself():
-    assert torch.equal(tuned(RepeatedTuning(TUNING, 1))[1], tuned(TUNING)[1])
+def test_one_update_is_the_algorithm_itself():
+    assert torch.equal(tuned(RepeatedSettings(TUNING, 1))[1], tuned(TUNING)[1])
 
 
 def test_each_update_is_a_step_of_adam_and_there_is_one_at_least():
     # whose first steps are of the size alpha, as long as gradients keep their signs
     for updates in (2, 4):
-        before, after = tuned(RepeatedTuning(TUNING, updates), steps=1)
+        before, after = tuned(RepeatedSettings(TUNING, updates), steps=1)
         moved = (after - before).abs().amax()
         assert moved == pytest.approx(updates * TUNING.learner.alpha, rel=0.02)
     with pytest.raises(ValueError, match="updates must"):
-        RepeatedTuning(TUNING, 0)
+        RepeatedSettings(TUNING, 0)
