@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from attrs import evolve
 
-from vtbook.experiments.compared import BUDGET, ENVIRONMENTS, SPACES, candidate
+from vtbook.experiments.compared import ENVIRONMENTS, SPACES, candidate
 from vtbook.experiments.factorial import FACTORIAL, PARTS, ROOMS, effects
 from vtlab.run import run_batch, targets
 from vtlab.store import weights
@@ -16,7 +16,8 @@ EACH = pytest.mark.parametrize("e", ENVIRONMENTS, ids=lambda e: e.experiment.nam
 @EACH
 def test_what_earns_most_in_tuning_is_chosen(e):
     for label, number in zip(SPACES, e.chosen, strict=True):
-        stayed = [k for k in range(BUDGET) if candidate(label, k) not in e.diverged]
+        tried = range(len(e.candidates(label)))
+        stayed = [k for k in tried if candidate(label, k) not in e.diverged]
         means = [e.earned(e.tuning(), candidate(label, k)).mean() for k in stayed]
         assert number == stayed[int(np.argmax(means))], label
 
@@ -45,6 +46,6 @@ def test_tasks_of_tuning_and_of_judgement_differ(e):
 
 def test_a_part_is_what_its_combinations_earn_beyond_those_without():
     found = {part: effects(part) for part in PARTS}
-    assert [len(x) for x in found.values()] == [10, 10, 6, 12, 12, 15]
-    three, one = (ROOMS.earned(FACTORIAL, f"mean, full {count}, max") for count in (3, 1))
+    assert [len(x) for x in found.values()] == [20, 20, 20, 8, 16, 16, 20]
+    three, one = (ROOMS.earned(FACTORIAL, f"mean, held, full {count}, max") for count in (3, 1))
     assert (found["three components, not one"] == three - one).all(1).sum() == 1

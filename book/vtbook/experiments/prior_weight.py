@@ -16,6 +16,7 @@ from vtlab.experiment import Algorithm, Experiment
 
 WEIGHTS = (1e-3, 1e-2, 0.1, 1.0, 10.0, 100.0)  # the published are .1 of 1-MGVT and 10 of GVT
 POSTERIORS = ("GVT", "1-MGVT", "point")
+SETTINGS = [(posterior, weight) for posterior in POSTERIORS for weight in WEIGHTS]
 ITERATIONS = 4_000
 
 
