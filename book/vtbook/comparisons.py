@@ -1,7 +1,6 @@
 """Comparisons of algorithms over runs: ratios, slopes and tests."""
 
-from collections.abc import Callable, Iterable, Mapping
-from typing import Any
+from collections.abc import Iterable
 
 import numpy as np
 from numpy import ndarray
@@ -73,11 +72,3 @@ def paired_p(a: ndarray, b: ndarray) -> float:
     """P value of the hypothesis that paired runs a and b (R,) have one mean, by Student's t."""
     a, b = checked_runs(a, b)
     return float(stats.ttest_rel(a, b).pvalue)
-
-
-def adjusted(
-    pairs: Mapping[Any, tuple[Any, Any]], measure: Callable[[Any], ndarray]
-) -> dict[Any, float]:
-    """Holm's P values by name: whether the measured runs of each pair have one mean."""
-    p = np.array([paired_p(measure(a), measure(b)) for a, b in pairs.values()])
-    return dict(zip(pairs, holm(p).tolist(), strict=True))

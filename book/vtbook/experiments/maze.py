@@ -7,10 +7,8 @@ from vtbook.experiments.protocols import (
     Protocols,
     as_published,
     fine_tuning,
-    mixture_one_at_a_time,
 )
 from vtbook.neighbours import GuidedSettings
-from vtbook.stopping_mazes import StoppingMazeFamily
 from vtlab.envs.maze import MazeFamily
 from vtlab.experiment import Experiment, Pool
 from vtlib.baselines import DDQNSettings, MellowTDSettings
@@ -75,7 +73,6 @@ def _target(number: int) -> Protocols:
 
 
 MAZE_TARGETS = {number: _target(number) for number in TARGETS}
-DIAGONAL = "1-MGVT-diagonal"
 # The mixtures' learner without any source: what their lead over DDQN owes to transfer. Guided by
 # what the sources do it owes them exploration, but no weights.
 NT = MellowTDSettings(epsilon_steps=ITERATIONS // 10)
@@ -87,49 +84,7 @@ MAZE_NOTHING = {
     )
     for number, protocols in MAZE_TARGETS.items()
 }
-# A posterior without correlations; and sources by the text with the published settings.
-MAZE_INGREDIENTS = evolve(
-    MAZE_TARGETS[MAIN].published,
-    name="maze-ingredients",
-    algorithms={DIAGONAL: evolve(PUBLISHED_MGVT, covariance="diagonal")},
-)
-MAZE_ANY_SOURCES = evolve(
-    MAZE_TARGETS[MAIN].published,
-    name="maze-any-sources",
-    algorithms={"GVT": PUBLISHED_GVT, "1-MGVT": PUBLISHED_MGVT},
-    excluded=(MAIN,),
-)
-# Of the two protocols only 3-MGVT's differ, and within so many steps. What makes the difference?
-EARLY = 5_000
-THREE = evolve(PUBLISHED_MGVT, components=3)
-MAZE_ONE_AT_A_TIME = evolve(
-    MAZE_TARGETS[MAIN].published,
-    name="maze-one-at-a-time",
-    algorithms=mixture_one_at_a_time(THREE),
-    iterations=EARLY,
-)
-MAZE_ANY_EARLY = evolve(
-    MAZE_ANY_SOURCES,
-    name="maze-any-sources-early",
-    algorithms={"3-MGVT": THREE, "3-MGVT, from a source": evolve(THREE, init="sources")},
-    iterations=EARLY,
-)
-# What sources do that were never solved; and a border that stops robots, where the text is silent.
-UNSOLVED = (1, 4, 15, 17)
-MAZE_SOLVED = evolve(
-    MAZE_TARGETS[MAIN].published,
-    name="maze-solved-sources",
-    algorithms={"1-MGVT": PUBLISHED_MGVT},
-    excluded=tuple(sorted({*MAZE_TARGETS[MAIN].published.excluded, *UNSOLVED})),
-    iterations=ITERATIONS // 2,
-)
-MAZE_STOPS = evolve(
-    MAZE_TARGETS[MAIN].published,
-    name="maze-border",
-    family=StoppingMazeFamily((FAMILY.names[MAIN],)),
-    algorithms={"1-MGVT": PUBLISHED_MGVT, "DDQN": DDQN},
-    iterations=EARLY,
-)
+# Runs are long here: three values of lambda, not five.
 MAZE_SLIDERS = sliders_of(
-    MAZE_TARGETS[MAIN].published, "maze-8-sliders", runs=5, iterations=ITERATIONS
+    MAZE_TARGETS[MAIN].published, "maze-8-sliders", 5, ITERATIONS, (1e-7, 1e-6, 1e-5)
 )
