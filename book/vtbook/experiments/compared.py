@@ -205,7 +205,11 @@ ENVIRONMENTS = (
         CARTPOLE.published,
         iterations=1_500,
         chosen=(0, 2, 2, 2, 0, 1, 5, 3, 1, 0, 4, 0, 0, 0, 0),
-        diverged=("Langevin, setting 5",),
+        diverged=(
+            "Langevin, setting 5",
+            "Langevin, 4 updates, setting 2",
+            "Langevin, 4 updates, setting 6",
+        ),
     ),
     Compared(
         "mountain car",

@@ -7,8 +7,6 @@ from vtbook.experiments.protocols import (
     Protocols,
     as_published,
     fine_tuning,
-    mixture_one_at_a_time,
-    one_at_a_time,
     transfer,
 )
 from vtlab.envs.mountain_car import MountainCarFamily
@@ -37,7 +35,6 @@ CARS = Pool(
 )
 GVT = Settings(family="gaussian", lambda_=1e-5, minibatch=500, alpha_L=1e-4)
 MGVT = evolve(GVT, family="mixture")
-THREE = evolve(as_published(MGVT), components=3)
 DDQN = DDQNSettings(epsilon_steps=int(0.15 * ITERATIONS), minibatch=32)
 
 _PUBLISHED = Experiment(
@@ -64,16 +61,6 @@ CAR = Protocols(
         each=False,
     ),
 )
-# GVT's samples scatter ever more widely; smaller steps on L should keep them together.
-CAR_STEPS = evolve(
-    CAR.published,
-    name="mountain-car-steps",
-    algorithms={
-        f"GVT, steps of {alpha:g}": evolve(as_published(GVT), alpha_L=alpha)
-        for alpha in (1e-5, 1e-6)
-    },
-    iterations=10_000,
-)
 # The mixtures' learner without any source: what their lead over DDQN owes to transfer.
 CAR_NOTHING = evolve(
     CAR.published,
@@ -86,31 +73,5 @@ CAR_UNCHECKED = evolve(
     name="mountain-car-unchecked",
     pool=evolve(CARS, name="mountain-car-sources-unchecked", limit=SOURCE_ITERATIONS),
     algorithms={"GVT": as_published(GVT)},
-)
-# What the sources do that were never solved: the same tasks, with sources drawn among the others.
-UNSOLVED = (0, 3, 4, 10, 43)
-CAR_SOLVED = evolve(
-    CAR.published,
-    name="mountain-car-solved-sources",
-    algorithms={"1-MGVT": as_published(MGVT)},
-    excluded=UNSOLVED,
-    iterations=10_000,
-)
-# From the published settings to those of the equations, one at a time, and the last reward alone.
-CAR_INGREDIENTS = evolve(
-    CAR.published,
-    name="mountain-car-ingredients",
-    algorithms={
-        **one_at_a_time(as_published(GVT), as_published(MGVT)),
-        **mixture_one_at_a_time(THREE),
-    },
-    iterations=20_000,
-)
-CAR_LAST_REWARD = evolve(
-    CAR.equations,
-    name="mountain-car-last-reward",
-    algorithms={"GVT": as_published(GVT), "1-MGVT": as_published(MGVT), "3-MGVT": THREE},
-    iterations=20_000,
-    each=True,
 )
 CAR_SLIDERS = sliders_of(CAR.published, "mountain-car-sliders", 10, 2_000)
