@@ -192,19 +192,19 @@ ENVIRONMENTS = (
         "three rooms",
         ROOMS_EVALUATION.published,
         iterations=3_000,
-        chosen=(0, 0, 0, 6, 0, 1, 2, 4, 5, 4, 6, 0, 0, 0, 0),
+        chosen=(0, 0, 0, 6, 7, 1, 2, 4, 5, 4, 6, 0, 0, 0, 4),
     ),
     Compared(
         "rooms, other doors",
         ROOMS_CHANGE.published,
         iterations=3_000,
-        chosen=(0, 5, 1, 3, 0, 6, 3, 4, 5, 4, 6, 0, 0, 0, 0),
+        chosen=(0, 5, 1, 3, 6, 6, 3, 4, 5, 4, 6, 0, 0, 0, 0),
     ),
     Compared(
         "cartpole",
         CARTPOLE.published,
         iterations=1_500,
-        chosen=(0, 2, 2, 2, 0, 1, 5, 3, 1, 0, 4, 0, 0, 0, 0),
+        chosen=(2, 2, 2, 2, 7, 1, 5, 3, 1, 0, 4, 2, 0, 1, 0),
         diverged=(
             "Langevin, setting 5",
             "Langevin, 4 updates, setting 2",
@@ -215,7 +215,7 @@ ENVIRONMENTS = (
         "mountain car",
         CAR.published,
         iterations=3_000,
-        chosen=(0, 5, 1, 6, 0, 0, 4, 3, 1, 5, 1, 0, 0, 0, 0),
+        chosen=(1, 5, 1, 6, 0, 0, 4, 3, 1, 5, 1, 0, 0, 0, 0),
         first=200,
     ),
 )
