@@ -5,9 +5,7 @@ import secrets
 import numpy as np
 import pytest
 
-from vtbook.experiments import EXPERIMENTS, POOLS, maze
-from vtbook.experiments.maze import MAZES
-from vtbook.experiments.mountain_car import CARS, UNSOLVED
+from vtbook.experiments import EXPERIMENTS, POOLS
 from vtlab.store import load, results_behind, results_folder
 from vtlab.units import expected_seconds
 from vtlab.verify import check, count_of
@@ -39,11 +37,6 @@ def test_sources_are_solved_or_were_trained_to_the_limit(name):
         assert 0 < solved.mean() < 0.5
     else:
         assert solved.mean() > 0.5
-
-
-@pytest.mark.parametrize(("pool", "unsolved"), [(CARS, UNSOLVED), (MAZES, maze.UNSOLVED)])
-def test_what_is_left_out_as_unsolved_is_what_was_not_solved(pool, unsolved):
-    assert np.flatnonzero(~load(pool, "sources").solved.values).tolist() == list(unsolved)
 
 
 def test_nothing_stored_is_stray_and_all_of_it_small():
