@@ -24,11 +24,13 @@ def test_what_earns_most_in_tuning_is_chosen(e):
 
 @EACH
 def test_a_setting_that_is_out_does_diverge(e):
-    tuning = e.tuning()
-    assert not set(e.diverged) & set(tuning.algorithms)
+    tuning, judged = e.tuning(), e.judged()
+    assert not set(e.diverged) & {*tuning.algorithms, *judged.algorithms}
+    numbers = dict(zip(SPACES, e.chosen, strict=True))
     for name in e.diverged:
-        label, _, number = name.rpartition(", setting ")
-        one = evolve(tuning, algorithms={name: e.candidates(label)[int(number)]})
+        label, _, number = name.partition(", setting ")
+        runs, at = (tuning, int(number)) if number else (judged, numbers[label])
+        one = evolve(runs, algorithms={name: e.candidates(label)[at]})
         with pytest.raises(Diverged, match="not finite"):
             run_batch(one, name, range(tuning.runs), weights(one.pool))
 
@@ -37,7 +39,7 @@ def test_a_setting_that_is_out_does_diverge(e):
 def test_tasks_of_tuning_and_of_judgement_differ(e):
     tuning, judged = e.tuning(), e.judged()
     assert judged.iterations == tuning.iterations == e.iterations
-    assert list(judged.algorithms) == list(SPACES)
+    assert list(judged.algorithms) == [x for x in SPACES if x not in e.diverged]
     told, tuned = (x.family.values(targets(x, range(x.runs))) for x in (judged, tuning))
     for name, values in told.items():
         seen = {x.tobytes() for x in values}

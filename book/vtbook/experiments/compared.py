@@ -77,8 +77,9 @@ class Compared:
     """An environment in which algorithms are compared over so many iterations of an experiment.
 
     chosen: the number of each algorithm's best candidate, in the order of `SPACES`. diverged:
-    candidates that were tried and whose weights did not stay finite; they are out. first: the
-    iteration from which returns count, where none is 0 for want of an episode that has ended.
+    candidates that were tried and whose weights did not stay finite, and an algorithm to which that
+    happened when it was judged; they are out. first: the iteration from which returns count, where
+    none is 0 for want of an episode that has ended.
     """
 
     title: str
@@ -134,7 +135,7 @@ class Compared:
     def judged(self) -> Experiment:
         """Each algorithm with the setting that was chosen for it, on other tasks."""
         chosen = zip(SPACES, self.chosen, strict=True)
-        algorithms = {x: self.candidates(x)[k] for x, k in chosen}
+        algorithms = {x: self.candidates(x)[k] for x, k in chosen if x not in self.diverged}
         return self._runs("compared", algorithms, RUNS)
 
     def _runs(self, what: str, algorithms: Mapping[str, Algorithm], runs: int) -> Experiment:
@@ -209,6 +210,7 @@ ENVIRONMENTS = (
             "Langevin, setting 5",
             "Langevin, 4 updates, setting 2",
             "Langevin, 4 updates, setting 6",
+            "Langevin, 4 updates",
         ),
     ),
     Compared(
