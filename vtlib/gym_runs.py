@@ -1,7 +1,4 @@
-"""Solve, transfer and evaluate on ordinary Gymnasium environments, one call each.
-
-All compute with one of torch's threads, whatever is set: small tensors take longer with more.
-"""
+"""Solve, transfer and evaluate on ordinary Gymnasium environments, one call each."""
 
 import io
 from collections.abc import Callable, Sequence
