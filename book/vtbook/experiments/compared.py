@@ -217,7 +217,7 @@ ENVIRONMENTS = (
         "mountain car",
         CAR.published,
         iterations=3_000,
-        chosen=(1, 5, 1, 6, 0, 0, 4, 3, 1, 5, 1, 0, 0, 0, 0),
+        chosen=(1, 5, 1, 6, 1, 0, 4, 3, 1, 5, 1, 6, 0, 3, 5),
         first=200,
     ),
 )
