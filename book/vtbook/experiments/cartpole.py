@@ -5,12 +5,7 @@ from typing import Any
 from attrs import evolve
 
 from vtbook.experiments.grids import sliders_of
-from vtbook.experiments.protocols import (
-    Protocols,
-    as_published,
-    fine_tuning,
-    transfer,
-)
+from vtbook.experiments.protocols import Protocols, as_published, fine_tuning, transfer
 from vtbook.probes import StabilityProbe
 from vtlab.envs.cartpole import CartpoleFamily
 from vtlab.experiment import Experiment, Pool
@@ -81,7 +76,6 @@ CARTPOLE_FEW_SOURCES = evolve(
     algorithms=_TRANSFER,
     excluded=tuple(range(20, CARTPOLES.count)),
 )
-
 
 # The same cartpoles solved otherwise: by another algorithm, or each from weights of its own.
 SOURCES_DDQN = evolve(DDQN, epsilon_steps=int(0.35 * CARTPOLES.iterations))

@@ -3,12 +3,7 @@
 from attrs import evolve
 
 from vtbook.experiments.grids import sliders_of
-from vtbook.experiments.protocols import (
-    Protocols,
-    as_published,
-    fine_tuning,
-    transfer,
-)
+from vtbook.experiments.protocols import Protocols, as_published, fine_tuning, transfer
 from vtlab.envs.mountain_car import MountainCarFamily
 from vtlab.experiment import Experiment, Pool
 from vtlib.baselines import DDQNSettings, MellowTDSettings
