@@ -59,7 +59,7 @@ def file_name(env: Any, docname: str) -> str:
     number = env.toc_secnumbers.get(docname, {}).get("", ())
     parts = [f"{part:02d}" if isinstance(part, int) else part for part in number]
     stem = docname.rpartition("/")[2]
-    before = ".".join(parts) or ("00" if docname == env.config.root_doc else "G")
+    before = ".".join(parts) or ("00" if docname == env.config.root_doc else "Z")
     suffix = "ipynb" if NbMetadataCollector.get_exec_data(env, docname) else "md"
     return f"{before}-{stem}.{suffix}"
 
