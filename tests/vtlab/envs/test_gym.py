@@ -1,8 +1,6 @@
 """One contract for all Gymnasium environments, and Gymnasium's own where there is one."""
 
-import re
 import warnings
-from pathlib import Path
 
 import gymnasium
 import numpy as np
@@ -90,14 +88,3 @@ def test_an_episode_is_truncated_drawn_and_then_needs_a_reset(name):
         env.step(0)
     env.reset()
     assert not env.step(1)[3]
-
-
-def test_the_guides_lines_train_a_learner_of_stable_baselines3():
-    """Skipped but in an environment that tests/requirements-sb3.txt tells how to make."""
-    pytest.importorskip("stable_baselines3")
-    guide = Path(__file__).resolve().parents[3] / "book" / "guide.md"
-    (code,) = re.findall(r"```python\n(.*?)```", guide.read_text(), re.S)
-    assert len(code.splitlines()) == 5
-    names = {}
-    exec(compile(code, str(guide), "exec"), names)
-    assert names["model"].num_timesteps >= 5000
