@@ -21,6 +21,7 @@ PAGES = (
 )
 CELL = re.compile(r"^```\{code-cell\}[^\n]*\n(.*?)^```$", re.DOTALL | re.MULTILINE)
 HEAD = re.compile(r"\A---\n.*?\n---\n|\A(?::[^\n]*\n)+", re.DOTALL)  # as YAML, or lines of options
+FIRST, NUMBERS = 12, 5  # lines that the first cell and a cell of numbers may have
 
 
 @frozen
@@ -33,6 +34,11 @@ class Cell:
     @property
     def tree(self) -> ast.Module:
         return ast.parse(self.source)
+
+    @property
+    def lines(self) -> int:
+        """How many lines of code there are; blank ones and comments do not count."""
+        return sum(bool(re.match(r"\s*[^#\s]", x)) for x in self.source.splitlines())
 
     def calls(self, method: str) -> int:
         """How often the cell calls a method of the page."""
@@ -76,8 +82,8 @@ def faults(text: str) -> list[str]:
     """What a page's cells do that a reader cannot see or repeat."""
     cells = cells_of(text)
     first, found, made = cells[0], [], set()
-    if first.tags:
-        found.append(f"the first cell has the tags {sorted(first.tags)}")
+    if first.tags or first.lines > FIRST:
+        found.append(f"the first cell has {first.lines} lines and the tags {sorted(first.tags)}")
     for number, cell in enumerate(cells):
         if "remove-cell" in cell.tags:
             found.append(f"cell {number} is removed")
@@ -85,8 +91,8 @@ def faults(text: str) -> list[str]:
             found.append(f"cell {number} uses names that nobody sees made: {sorted(unseen)}")
         if not cell.tags & {"remove-cell", "remove-input"}:
             made |= bound(cell.tree)
-        if cell.calls("say") and cell.tags != {"hide-input"}:
-            found.append(f"cell {number} has numbers, and the tags {sorted(cell.tags)}")
+        if cell.calls("say") and (cell.tags != {"hide-input"} or cell.lines > NUMBERS):
+            found.append(f"cell {number} has numbers in {cell.lines} lines, {sorted(cell.tags)}")
     again = sum(cell.calls("rerun") for cell in cells if not cell.tags)
     if again != 1:
         found.append(f"{again} visible cells make the runs again")

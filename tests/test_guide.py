@@ -15,6 +15,16 @@ ROOT = Path(__file__).resolve().parents[1]
 FOLDER = ROOT / "book" / "results" / runs.NAME
 
 
+def test_every_task_has_twenty_runs_of_each_way():
+    for name in (f"{kind}-{place}" for kind in runs.KINDS for place in ("within", "outside")):
+        arrays, _ = store.read(FOLDER / name)
+        for way in ("from nothing", "best source", "fine-tuned", "transfer", "improved", "steps"):
+            assert arrays[way].shape == (20,)
+            assert np.isfinite(arrays[way]).all()
+        best = arrays["sources"].mean(1).argmax()
+        np.testing.assert_array_equal(arrays["best source"], arrays["sources"][best])
+
+
 def test_transfer_destroys_a_source_on_none_of_the_tasks():
     for name in (f"{kind}-{place}" for kind in runs.KINDS for place in ("within", "outside")):
         assert runs.verdict(store.read(FOLDER / name)[0], "best source") != "fails", name

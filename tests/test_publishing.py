@@ -1,4 +1,4 @@
-"""What publishes the book: printed pages, the citation, and the locked versions."""
+"""What publishes the book: the PDF, the citation, and the book run elsewhere."""
 
 import importlib.metadata
 import re
@@ -15,9 +15,17 @@ def text(name: str) -> str:
     return (ROOT / name).read_text(encoding="utf-8")
 
 
-def test_a_printed_page_shows_no_code_bars(book, page):
+def test_every_page_is_in_the_table_of_contents_and_so_in_the_pdf():
+    named = re.findall(r"(?:root|file): book/(\S+)", text("_toc.yml"))
+    assert sorted(named) == sorted(page.stem for page in ROOT.glob("book/*.md"))
+
+
+def test_a_printed_page_shows_no_code_bars_and_figures_of_lines(book, page, extension):
+    pytest.importorskip("pypdf")
     bars = page.locator("details.hide, div.cell_input:has(> details.hide)")
     page.goto((book / "book" / "rooms_evaluation.html").as_uri(), wait_until="load")
+    page.evaluate(extension("pdf").PREPARED)
+    assert page.locator("figure img[src$='.svg']").count() >= 2
     for media, shown in (("screen", True), ("print", False)):
         page.emulate_media(media=media)
         assert bars.evaluate_all("all => all.some(one => one.checkVisibility())") == shown

@@ -1,7 +1,8 @@
-"""Sphinx extension: telephones have figures that were drawn for them.
+"""Sphinx extension: telephones and print have figures that were drawn for them.
 
 `vtbook.plots` hands those over in the metadata of the figure's output, which the execution cache
-keeps. Here they become files beside the picture, a source for narrow screens.
+keeps. Here they become files beside the picture: a source for narrow screens, and vectors, which
+pdf.py prints.
 """
 
 from __future__ import annotations
@@ -17,20 +18,20 @@ from in_parallel import executed
 IMAGE = re.compile(r'<img\b[^>]*? src="([^"]*?_images/)([0-9a-f]{64})\.png"[^>]*>')
 
 
-def pictures(app: Any, docname: str) -> dict[str, bytes]:
-    """A page's figures as drawn for telephones, by the digests of their own pictures."""
+def pictures(app: Any, docname: str) -> dict[str, dict[str, str]]:
+    """What a page's figures have drawn beside their pictures, by the digests of these."""
     page = executed(app, docname)
     outputs = [x for cell in page.cells for x in cell.get("outputs", ())] if page else []
     drawings = {}
     for output in outputs:
-        if narrow := output.get("metadata", {}).get("image/png", {}).get("narrow"):
+        if drawing := output.get("metadata", {}).get("image/png"):
             wide = b64decode(output.data["image/png"])
-            drawings[hashlib.sha256(wide).hexdigest()] = b64decode(narrow)
+            drawings[hashlib.sha256(wide).hexdigest()] = drawing
     return drawings
 
 
 def offer(app: Any, docname: str, template: str, context: dict[str, Any], doctree: Any) -> None:
-    """Write what a page's figures have drawn for telephones, and name it beside their pictures."""
+    """Write what a page's figures have drawn for others, and name it beside their pictures."""
     if app.builder.format != "html" or docname not in app.env.found_docs:
         return
     drawings, images = pictures(app, docname), Path(app.outdir) / "_images"
@@ -38,12 +39,15 @@ def offer(app: Any, docname: str, template: str, context: dict[str, Any], doctre
 
     def named(image: re.Match[str]) -> str:
         folder, digest = image.groups()
-        if digest not in drawings:
-            return image[0]
-        name = f"{digest[:32]}-narrow.png"
-        (images / name).write_bytes(drawings[digest])
-        source = f'<source media="(max-width: 600px)" srcset="{folder}{name}"/>'
-        return f"<picture>{source}{image[0]}</picture>"
+        drawing, tag, name = drawings.get(digest, {}), image[0], digest[:32]
+        if "vector" in drawing:
+            (images / f"{name}.svg").write_text(drawing["vector"], encoding="utf-8")
+            tag = tag.replace("<img", f'<img data-vector="{folder}{name}.svg"', 1)
+        if "narrow" in drawing:
+            (images / f"{name}-narrow.png").write_bytes(b64decode(drawing["narrow"]))
+            source = f'<source media="(max-width: 600px)" srcset="{folder}{name}-narrow.png"/>'
+            tag = f"<picture>{source}{tag}</picture>"
+        return tag
 
     context["body"] = IMAGE.sub(named, context["body"])
 

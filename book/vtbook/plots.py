@@ -17,6 +17,7 @@ import numpy as np
 from attrs import evolve, frozen
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 from matplotlib.legend import Legend
 from matplotlib.patheffects import withStroke
@@ -64,6 +65,7 @@ HALO = withStroke(linewidth=2, foreground="white")  # around a text that stands 
 # Set where a figure that is cut off shall fail: in the book's build and the tests. A reader gets it
 # as it is, for it may be the result of minutes.
 CHECKED = "VTLIB_CHECK_FIGURES"
+MOST_LINES = 300_000  # characters of a figure for print that is lines and letters
 STYLE: dict[Any, Any] = {  # by matplotlib's names of its settings
     "figure.facecolor": "white",
     "figure.dpi": 110,
@@ -86,15 +88,26 @@ STYLE: dict[Any, Any] = {  # by matplotlib's names of its settings
 class BookFigure(Figure):
     """A figure that notebooks show by itself, without a plotting backend.
 
-    Beside its picture goes of panels one for telephones, for the book's pages to offer.
+    Beside its picture go lines and letters for print, where they are few, and of panels a picture
+    for telephones, for the book's pages to offer.
     """
 
     def _repr_png_(self) -> tuple[bytes, dict[str, str]]:
         wide, beside = self._png(), {}
+        lines = self._svg()
+        if len(lines) <= MOST_LINES:
+            beside["vector"] = lines
         if panels_of(self):
             with look(), narrow(self):
                 beside["narrow"] = b64encode(self._png()).decode()
         return wide, beside
+
+    def _svg(self) -> str:
+        out = io.StringIO()
+        # the same text whenever it is drawn
+        with look(), mpl.rc_context({"svg.hashsalt": "vtbook"}):
+            FigureCanvasSVG(self).print_svg(out, metadata={"Date": None})
+        return out.getvalue()
 
     def _png(self) -> bytes:
         raw = io.BytesIO()

@@ -1,6 +1,8 @@
 """One contract for all Gymnasium environments, and Gymnasium's own where there is one."""
 
+import re
 import warnings
+from pathlib import Path
 
 import gymnasium
 import numpy as np
@@ -11,6 +13,7 @@ from gymnasium.utils.env_checker import check_env
 
 from vtlab.envs.cartpole.gym import CartpoleEnv
 from vtlab.envs.maze.gym import MazeEnv
+from vtlab.envs.maze.library import library
 from vtlab.envs.mountain_car.gym import MountainCarEnv
 from vtlab.envs.rooms.gym import RoomsEnv
 
@@ -19,7 +22,7 @@ CASES = {
     "Rooms": (RoomsEnv, 50, (400, 400, 3), {"doors": (5.0,), "uniform_start": True}),
     "Cartpole": (CartpoleEnv, 100, (300, 600, 3), {"cart_mass": 0.5, "half_length": 1.0}),
     "MountainCar": (MountainCarEnv, 200, (400, 600, 3), {"speed": 0.0015}),
-    "Maze": (MazeEnv, 100, (400, 400, 3), {"maze": "south-west 12"}),
+    "Maze": (MazeEnv, 100, (400, 400, 3), {"maze": library()["south-west 12"]}),
 }
 every_env = pytest.mark.parametrize("name", CASES)
 
@@ -88,3 +91,14 @@ def test_an_episode_is_truncated_drawn_and_then_needs_a_reset(name):
         env.step(0)
     env.reset()
     assert not env.step(1)[3]
+
+
+def test_the_guides_lines_train_a_learner_of_stable_baselines3():
+    """Skipped but in an environment that tests/requirements-sb3.txt tells how to make."""
+    pytest.importorskip("stable_baselines3")
+    guide = Path(__file__).resolve().parents[3] / "book" / "guide.md"
+    (code,) = re.findall(r"```python\n(.*?)```", guide.read_text(), re.S)
+    assert len(code.splitlines()) == 5
+    names = {}
+    exec(compile(code, str(guide), "exec"), names)
+    assert names["model"].num_timesteps >= 5000
