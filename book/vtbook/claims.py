@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Iterable, Mapping
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -30,7 +29,6 @@ VERDICTS = STRONGER, REPRODUCED, UNDECIDED, NOT  # from the best to the worst
 OPTIMAL = 0.9  # a return that misses the optimum by at most a tenth is called optimal
 EARLY = 500  # iterations within which a start shows
 EVALUATIONS = 10  # of the greedy policy, before it is said to be optimal
-NO_OTHERS: Mapping[str, Experiment] = MappingProxyType({})
 MIXTURES, TRANSFER = ("1-MGVT", "3-MGVT"), ("GVT", "1-MGVT", "3-MGVT")
 
 
@@ -168,22 +166,9 @@ class Runs:
         return int((end - self.floor < OPTIMAL * own).sum())
 
 
-def runs_of(
-    experiment: Experiment, algorithm: str = "", others: Mapping[str, Experiment] = NO_OTHERS
-) -> dict[str, Runs]:
-    """The stored runs of an experiment by label, or an algorithm's by what was changed.
-
-    A label names a change after a comma, such as "GVT, no clip"; without one the algorithm is
-    "as published". others: further changes, each with an experiment that ran the same algorithm.
-    """
-    if not algorithm:
-        return {label: Runs.of(experiment, label) for label in experiment.algorithms}
-    runs = {}
-    for label in experiment.algorithms:
-        start, _, change = label.partition(", ")
-        if start == algorithm:
-            runs[change or "as published"] = Runs.of(experiment, label)
-    return runs | {change: Runs.of(other, algorithm) for change, other in others.items()}
+def runs_of(experiment: Experiment) -> dict[str, Runs]:
+    """The stored runs of an experiment by label."""
+    return {label: Runs.of(experiment, label) for label in experiment.algorithms}
 
 
 @frozen(eq=False)

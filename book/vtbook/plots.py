@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import os
-import re
 from base64 import b64encode
 from collections.abc import Mapping
 from functools import partial
@@ -328,7 +327,7 @@ def intervals_figure(
                 ax.plot(mean.centre, y, "o", color=colours[name], ms=5)
             first = next(iter(group.values()))
             ax.axvline(first.mean(), color=colours[name], lw=0.8, ls=":")
-            ax.set_yticks(range(len(group)), [_spelled(x) for x in group])
+            ax.set_yticks(range(len(group)), list(group))
             ax.set_ylim(len(group) - 0.4, -0.4)  # the last runs clear of the axis
             ax.set_title(name)
             ax.set_xlabel(xlabel)
@@ -346,12 +345,6 @@ def power_of_ten(value: float) -> str:
         return "0"
     exponent = str(round(np.log10(value)))
     return "10" + exponent.translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
-
-
-def _spelled(name: str) -> str:
-    """The name of a variant with its numbers as they are written, such as λ = 10⁻⁴."""
-    name = name.replace("lambda 1e", "λ = 1e")
-    return re.sub(r"1e-\d+", lambda number: power_of_ten(float(number[0])), name)
 
 
 class Series:

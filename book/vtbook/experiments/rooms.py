@@ -196,12 +196,6 @@ ROOMS_SOURCES_LOOSE = _by_count(
     ),
     (2, 10),
 )
-# Learners that know of one source, or of none.
-ROOMS_SOURCES_ALONE = evolve(
-    _COUNTED.published,
-    name="rooms-number-of-sources-alone",
-    algorithms={x: _COUNTED.published.algorithms[x] for x in ("NT", FINE_TUNED, FINE_TUNED_GREEDY)},
-)
 
 # The published lambda of mixtures and that of GVT, the text's between them, and one on each side.
 ROOMS_LAMBDAS = (1e-8, 1e-6, 1e-4, 1e-3, 1e-2)
