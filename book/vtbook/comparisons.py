@@ -1,7 +1,5 @@
 """Comparisons of algorithms over runs: ratios, slopes and tests."""
 
-from collections.abc import Iterable
-
 import numpy as np
 from numpy import ndarray
 from numpy.random import Generator
@@ -47,13 +45,6 @@ def slope_interval(x: ndarray, y: ndarray) -> Interval:
         raise ValueError(f"a slope needs at least 3 runs at different places, got {shown(x)}")
     line = stats.linregress(x, y)
     return student_interval(line.slope, line.stderr, len(x) - 2)
-
-
-def slope_within(groups: Iterable[tuple[ndarray, ndarray]]) -> Interval:
-    """The slope of y on x over groups of runs, each about the means of its own."""
-    about = [(x - np.mean(x), y - np.mean(y)) for x, y in groups]
-    xs, ys = zip(*about, strict=True)
-    return slope_interval(np.concatenate(xs), np.concatenate(ys))
 
 
 def holm(p: ndarray) -> ndarray:

@@ -12,7 +12,6 @@ from vtbook.comparisons import (
     paired_p,
     ratio_interval,
     slope_interval,
-    slope_within,
     spread_interval,
 )
 
@@ -36,17 +35,6 @@ def test_the_slope_is_that_of_least_squares_and_its_interval_students():
     for x in ([1, 2], [1, 1, 1], [[1, 2]] * 3):
         with pytest.raises(ValueError, match="at least 3 runs at different places"):
             slope_interval(x, x)
-
-
-def test_a_slope_within_groups_does_not_feel_how_their_means_differ():
-    x, noise = np.arange(12.0), rng().normal(0, 0.1, 12)
-    groups = [
-        (x[half], shift + 0.5 * x[half] + noise[half])
-        for half, shift in ((slice(6), 0.0), (slice(6, 12), -40.0))
-    ]
-    found = slope_within(groups)
-    assert found.low < 0.5 < found.high < 0.6
-    assert found == pytest.approx(slope_within([(a, b + 7) for a, b in groups]))
 
 
 def test_a_ratio_of_means_feels_only_what_its_pairs_do_not_share():
