@@ -76,12 +76,19 @@ def check_name(name: str, value: object) -> None:
 
 
 def check_weights(
-    name: str, weights: Any, *shape: str | int, kinds: Collection[str] = ("float32",)
+    name: str,
+    weights: Any,
+    *shape: str | int,
+    kinds: Collection[str] = ("float32",),
+    tensor: bool = False,
 ) -> None:
     """Raise ValueError unless weights are finite, of a shape, and of one of some kinds of numbers.
 
-    weights: a tensor or an array. An axis that is given in words may have any size but 0.
+    weights: a tensor or, but for ``tensor``, an array. An axis that is given in words may have any
+    size but 0.
     """
+    if tensor:
+        check_kind(name, weights, Tensor)
     if not isinstance(weights, Tensor | np.ndarray):
         raise ValueError(f"{name} must be a tensor or an array, got {shown(weights)}")
     sizes = tuple(weights.shape)

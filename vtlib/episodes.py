@@ -154,6 +154,7 @@ class GymEpisodes:
         if len(sizes) != 1:
             raise ValueError(f"environments must have the same spaces, got {sorted(sizes)}")
         ((self.obs_dim, self.n_actions),) = sizes
+        self.first_action = int(getattr(envs[0].action_space, "start", 0))
         self._envs: list[Any] = list(envs)
         pairs = zip(envs, seeds, strict=True)
         first = [self._observation(env, env.reset(seed=int(seed))[0]) for env, seed in pairs]

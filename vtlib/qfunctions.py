@@ -8,7 +8,7 @@ each of R runs. Observations are (R, B, obs_dim) and shared by the K vectors. Va
 
 from collections.abc import Callable, Sequence
 from itertools import pairwise
-from typing import Protocol, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 import torch
@@ -46,6 +46,28 @@ def greedy(q: QFunction, w: Tensor, obs: Tensor) -> Tensor:
     return q.q(w, q.prepare(obs.unsqueeze(1)))[:, 0, :, 0].argmax(-1)
 
 
+def described(q: QFunction) -> dict[str, Any]:
+    """What a file says of a Q-function, in plain numbers and words."""
+    about = {"kind": type(q).__name__, "d": q.d, "n_actions": q.n_actions}
+    return about | getattr(q, "sizes_of_parts", lambda: {})()
+
+
+def from_description(about: dict[str, Any], q: QFunction | None = None) -> QFunction:
+    """The Q-function of a description; only the code of a module or one's own has to be given.
+
+    Raises ValueError where it is missing, or another.
+    """
+    kind = about["kind"]
+    if q is None and kind == "MLP":
+        return MLP(about["sizes"])
+    if q is None and kind == "RBFLinear":
+        return RBFLinear(torch.tensor(about["centers"]), about["variance"], about["n_actions"])
+    own = None if q is None else described(q)
+    if own != about:
+        raise ValueError(f"q must be the saved {shown(about)}, got {shown(own)}")
+    return q  # type: ignore[return-value]
+
+
 class RBFLinear:
     """Linear in Gaussian radial bases on a square grid, normalised to sum to one, no bias.
 
@@ -61,6 +83,10 @@ class RBFLinear:
         self.d = n_actions * len(centers) ** 2
         self._centers = centers
         self._rate = 0.5 / variance
+
+    def sizes_of_parts(self) -> dict[str, Any]:
+        """Centres and variance, for a file."""
+        return {"centers": self._centers.tolist(), "variance": 0.5 / self._rate}
 
     def prepare(self, obs: Tensor) -> Tensor:
         """Features (R, m * m, B), one column per observation of (R, B, 2)."""
@@ -103,6 +129,10 @@ class MLP:
         self._layers = list(pairwise(self.sizes))
         self.n_actions, self.width = self.sizes[-1], max(self.sizes)
         self.d = sum(out * (into + 1) for into, out in self._layers)
+
+    def sizes_of_parts(self) -> dict[str, Any]:
+        """The layers' sizes, for a file."""
+        return {"sizes": list(self.sizes)}
 
     def prepare(self, obs: Tensor) -> Tensor:
         """Observations (R, B, obs_dim) as columns (R, obs_dim + 1, B) that end in a one."""
@@ -208,6 +238,10 @@ class ModuleQ:
             raise ValueError("module must have parameters, it has none")
         self.width = max(shape[:1].numel() for shape in self._shapes.values())
         self.d = sum(shape.numel() for shape in self._shapes.values())
+
+    def sizes_of_parts(self) -> dict[str, Any]:
+        """The shapes of the weights, for a file."""
+        return {"shapes": {name: list(shape) for name, shape in self._shapes.items()}}
 
     def flatten(self, module: nn.Module) -> Tensor:
         """The weights (d,) of a module of the same shape, such as a solved source's network."""
