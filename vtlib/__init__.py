@@ -4,6 +4,7 @@ from vtlib.baselines import DDQNSettings, FineTuning, MellowTDSettings
 from vtlib.gym_runs import resume, solve, transfer
 from vtlib.learned import Learned
 from vtlib.playing import evaluate, play
+from vtlib.pool import Pool
 from vtlib.qfunctions import MLP, ModuleQ, RBFLinear
 from vtlib.recommended import Recommended
 from vtlib.stats import mean_interval
@@ -16,6 +17,7 @@ __all__ = [
     "Learned",
     "MellowTDSettings",
     "ModuleQ",
+    "Pool",
     "RBFLinear",
     "Recommended",
     "Settings",
