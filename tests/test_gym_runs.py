@@ -74,6 +74,17 @@ MANY.observation_space = gym.spaces.Dict(box=ENV.observation_space, cell=gym.spa
 ANY_LENGTH.observation_space = gym.spaces.Sequence(ENV.observation_space)
 
 
+class Words(gym.spaces.Space):
+    """Texts, as MiniGrid's missions, that do not say whether they can be flattened."""
+
+
+MISSION, FOUR = Corridor(), Corridor()
+MISSION.observation_space = gym.spaces.Dict(image=ENV.observation_space, mission=Words())
+FOUR.step = lambda _: (np.ones(4, np.float32), 1.0, False, {})
+VECTOR = gym.vector.SyncVectorEnv([Corridor])
+SOLVED = solve([Corridor()], Q, 1, LEARNER, trials=0)
+
+
 def test_greedy_returns_are_discounted_sums():
     returns = evaluate([Corridor(), Corridor()], Q, BOTH.unsqueeze(1), episodes=3, gamma=0.5)
     assert returns.tolist() == [[0.0] * 3, [1.9375] * 3]
@@ -259,6 +270,14 @@ def test_a_file_that_is_not_whole_is_named(tmp_path):
         (partial(solve, [ENV], ModuleQ(TORCH_DRAWING, 2), 10), "value an observation .*random"),
         (partial(solve, ["CartPole-v1"], Q, 10), "each environment must be of type Env"),
         (partial(transfer, [ENV], LINEAR, SOURCES, 10), "q must be of type QFunction"),
+        (partial(transfer, [ENV], Q, SOLVED, 10), r"pass .weights\[:, 0\]"),
+        (partial(transfer, [ENV], Q, SOURCES, 10, LEARNER), "wrap it in FineTuning"),
+        (partial(solve, VECTOR, Q, 10), "envs must be .*: pass its .envs"),
+        (partial(solve, [VECTOR], Q, 10), "envs must be .*: pass its .envs"),
+        (partial(solve, [FOUR], Q, 10), "step must return .* got 4 from"),
+        (partial(solve, [MISSION], Q, 10), r"FilterObservation\(env, \['image'\]\)\) makes one"),
+        (partial(solve, [Corridor(space=(64, 64, 3))], Q, 10), "ResizeObservation make it small"),
+        (partial(ModuleQ, torch.nn.LazyLinear(2), 2), "call it once before, got lazy weight, bias"),
     ],
 )  # fmt: skip
 def test_what_cannot_work_is_refused_with_what_would_help(monkeypatch, call, message):

@@ -16,7 +16,7 @@ from vtlib.baselines import DDQNSettings, FineTuning, MellowTDSettings
 from vtlib.checks import check_kind, check_weights, check_whole, shown
 from vtlib.episodes import GymEpisodes
 from vtlib.learned import Learned
-from vtlib.playing import episodes_of, greedy_episodes, stream_name
+from vtlib.playing import check_envs, episodes_of, greedy_episodes, stream_name
 from vtlib.qfunctions import QFunction
 from vtlib.recommended import Recommended
 from vtlib.rng import Rng
@@ -117,11 +117,16 @@ def transfer(
     check_whole("iterations", iterations)
     check_trials(trials)
     check_kind("callback", callback, Callable | None)
-    check_kind("envs", envs, Sequence)
+    check_envs(envs)
     check_kind("q", q, QFunction)
+    if isinstance(sources, Learned):
+        raise ValueError("sources must be a Tensor, got what solve returns: pass .weights[:, 0]")
     check_kind("sources", sources, Tensor)
     check_weights("sources", sources, "source", q.d)
     settings = Recommended() if settings is None else settings
+    if isinstance(settings, MellowTDSettings | DDQNSettings):
+        kind = type(settings).__name__
+        raise ValueError(f"settings must transfer, got {kind}: wrap it in FineTuning")
     check_kind("settings", settings, Settings | FineTuning | Recommended)
     # only posteriors are kept elsewhere than on the processor
     place = "cpu" if isinstance(settings, FineTuning) else device

@@ -56,7 +56,7 @@ def play(
     """Returns, undiscounted returns and lengths of the episodes that ``evaluate`` plays."""
     check_whole("episodes", episodes)
     check_between("gamma", gamma, 0, 1)
-    check_kind("envs", envs, Sequence)
+    check_envs(envs)
     check_kind("q", q, QFunction)
     check_weights("weights", weights, len(envs), "component", q.d, tensor=True)
     return greedy_episodes(envs, q, weights, episodes, stream_name("evaluate", seed), gamma)
@@ -97,6 +97,13 @@ def greedy_episodes(
     return Played(returns, undiscounted, lengths)
 
 
+def check_envs(envs: object) -> None:
+    """Raise ValueError unless envs are a sequence of environments."""
+    if isinstance(envs, gymnasium.vector.VectorEnv):
+        raise ValueError(f"envs must be a Sequence, got {shown(envs)}: pass its .envs")
+    check_kind("envs", envs, Sequence)
+
+
 def stream_name(task: str, seed: int) -> str:
     """The name of a call's random streams; ValueError for a seed that is no whole number."""
     check_whole("seed", seed, 0)
@@ -107,7 +114,7 @@ def episodes_of(
     envs: Sequence[gymnasium.Env], q: QFunction, name: str, gamma: float
 ) -> GymEpisodes:
     """Environments in lock-step; ValueError where the Q-function does not fit them."""
-    check_kind("envs", envs, Sequence)
+    check_envs(envs)
     check_kind("q", q, QFunction)
     if len({id(getattr(env, "unwrapped", env)) for env in envs}) < len(envs):
         raise ValueError("envs must be one for each run, got one that is given twice")

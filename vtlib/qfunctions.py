@@ -122,7 +122,9 @@ class MLP:
     """
 
     def __init__(self, sizes: Sequence[int]) -> None:
-        whole = isinstance(sizes, Sequence) and all(type(x) in (int, np.int64) for x in sizes)
+        whole = isinstance(sizes, Sequence) and all(
+            isinstance(x, int | np.integer) and not isinstance(x, bool) for x in sizes
+        )
         if not whole or len(sizes) < 2 or min(sizes) < 1:
             raise ValueError(f"sizes must list at least two positive layer sizes: {shown(sizes)}")
         self.sizes = tuple(map(int, sizes))
@@ -219,23 +221,27 @@ def _shallow_gradients(
 class ModuleQ:
     """Any torch.nn.Module from observations (B, obs_dim) to values (B, A), by torch.func.
 
-    The module's parameters, flattened in the order of ``named_parameters``, are the weights; the
-    module itself is only read. Slower than by hand. Raises ValueError for buffers and dropout.
+    The module's parameters, flattened in the order of ``named_parameters``, are the weights, but
+    for those that require no gradient, which stay as they are; the module itself is only read.
+    Slower than by hand. Raises ValueError for buffers, dropout and layers without sizes.
     """
 
     def __init__(self, module: nn.Module, n_actions: int) -> None:
-        n_actions = int(n_actions) if isinstance(n_actions, np.int64) else n_actions
         check_whole("n_actions", n_actions)
         check_kind("module", module, nn.Module)
         if buffers := [name for name, _ in module.named_buffers()]:
             raise ValueError(f"module must have no buffers, it has {', '.join(buffers)}")
         if any(isinstance(part, nn.modules.dropout._DropoutNd) for part in module.modules()):
             raise ValueError("module must give the same values each time, it has dropout")
-        self.n_actions = n_actions
+        if lazy := [x for x, p in module.named_parameters() if nn.parameter.is_lazy(p)]:
+            rule = "module must know its sizes: call it once before"
+            raise ValueError(f"{rule}, got lazy {', '.join(lazy)}")
+        self.n_actions = int(n_actions)
         self._module = module
-        self._shapes = {name: p.shape for name, p in module.named_parameters()}
+        trained = [(name, p) for name, p in module.named_parameters() if p.requires_grad]
+        self._shapes = {name: p.shape for name, p in trained}
         if not self._shapes:
-            raise ValueError("module must have parameters, it has none")
+            raise ValueError("module must have parameters that require gradients, it has none")
         self.width = max(shape[:1].numel() for shape in self._shapes.values())
         self.d = sum(shape.numel() for shape in self._shapes.values())
 
@@ -245,7 +251,13 @@ class ModuleQ:
 
     def flatten(self, module: nn.Module) -> Tensor:
         """The weights (d,) of a module of the same shape, such as a solved source's network."""
-        return torch.cat([p.detach().reshape(-1) for _, p in module.named_parameters()])
+        check_kind("module", module, nn.Module)
+        parts = dict(module.named_parameters())
+        own = {name: p.shape for name, p in parts.items() if name in self._shapes}
+        if own != self._shapes:
+            need = ", ".join(f"{name} {tuple(shape)}" for name, shape in self._shapes.items())
+            raise ValueError(f"module must have the parameters {need}, got {shown(module)}")
+        return torch.cat([parts[name].detach().reshape(-1).float() for name in self._shapes])
 
     def prepare(self, obs: Tensor) -> Tensor:
         """Observations as they are."""
