@@ -4,8 +4,9 @@ import pytest
 import torch
 from torch import nn
 
+from vtlib import posteriors
 from vtlib.qfunctions import MLP, ModuleQ, greedy
-from vtlib.recommended import FIRST, Recommended
+from vtlib.recommended import FIRST, NARROW, Recommended
 from vtlib.replay import Transition
 from vtlib.rng import Rng
 
@@ -46,6 +47,13 @@ def test_a_run_does_not_depend_on_its_neighbours():
     (both, acts, _), (alone, own, _) = learned(150), learned(150, rows=[1])
     torch.testing.assert_close(alone.mu[0], both.mu[1], rtol=1e-4, atol=1e-5)
     assert (acts[:, 1:] == own).float().mean() > 0.98
+
+
+def test_deviations_of_a_large_network_are_in_the_units_of_its_sources(monkeypatch):
+    monkeypatch.setattr(posteriors, "LARGE", 1)
+    learner, _, sources = learned(3, unit=10.0)
+    unit = sources.square().mean((1, 2), keepdim=True).sqrt()
+    torch.testing.assert_close(learner.deviations, (NARROW * unit).expand_as(learner.mu))
 
 
 def test_it_starts_at_different_sources_and_only_remembers_at_first():

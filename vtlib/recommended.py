@@ -97,6 +97,12 @@ class InUnits(VariationalTransfer):
         """The posterior's Cholesky factors, (R, C, d, d)."""
         return self._posterior.scale_tril * self._unit.unsqueeze(-1)
 
+    @property
+    def deviations(self) -> Tensor | None:
+        """Standard deviations (R, C, d) of a diagonal posterior, which a large network has."""
+        deviations = super().deviations
+        return None if deviations is None else deviations * self._unit
+
     def learn(self, transition: Transition) -> None:
         """Store one transition of each run and take some gradient steps on eq. 5.2."""
         super().learn(transition)

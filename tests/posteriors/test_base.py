@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from torch import Tensor
 
 from vtlib import posteriors
-from vtlib.posteriors import COVARIANCES, MANY, Descent, Posterior
+from vtlib.posteriors import CALM, COVARIANCES, LARGE, MANY, Descent, Posterior
 from vtlib.posteriors.blocked import DRAWS, Blocked
 from vtlib.posteriors.dense import Dense
 from vtlib.posteriors.diagonal import Diagonal
@@ -310,3 +310,19 @@ def test_a_full_covariance_is_updated_by_the_kernel_that_suits_it(
     assert type(COVARIANCES["full"](*arguments)) is kind
     monkeypatch.setattr(posteriors, "kernels", lambda: None)
     assert type(COVARIANCES["full"](*arguments)) is Dense
+
+
+def test_a_large_covariance_is_diagonal_moves_calmly_and_says_so(caplog):
+    stream = Stream("t", [0, 1], "posterior")
+    start = Start(torch.zeros(2, 1, LARGE), 1.0)
+    large = COVARIANCES["full"](start, Precision(1.0), Descent(0.1, 1e-4), stream, 2)
+    assert (type(large), large._alpha) == (Diagonal, CALM)
+    said = "2,000 weights would take 0.0 GB as full covariances: they are diagonal"
+    assert [x.getMessage()[: len(said)] for x in caplog.records] == [said]
+
+
+def test_memory_is_stated_before_it_is_taken(monkeypatch, caplog):
+    monkeypatch.setattr(posteriors, "GIGABYTE", 100.0)
+    start = Start(torch.zeros(1, 2, 9), 1.0)
+    COVARIANCES["full"](start, Precision(1.0), Descent(0.1, 1e-4), Stream("t", [0], "p"), 2)
+    assert caplog.messages == ["the full covariances of 9 weights take 6.5 GB"]

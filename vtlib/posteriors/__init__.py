@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 from torch import Tensor
 
-from vtlib.native import kernels
+from vtlib.native import LOGGER, kernels
 from vtlib.posteriors.base import Descent, Posterior
 from vtlib.posteriors.blocked import Blocked
 from vtlib.posteriors.dense import Dense
@@ -16,13 +16,28 @@ from vtlib.rng import Stream
 
 __all__ = ["COVARIANCES", "Descent", "Diagonal", "Posterior"]
 
+LARGE = 2000  # from so many weights on a covariance is diagonal unless "dense" is asked for
+CALM = 1e-4  # the largest step on a large diagonal that has destroyed no weights
+GIGABYTE = 1e9
 MANY = 400  # from so many weights on blocks are faster: the cache no longer holds L
 
 
 def _full(
     start: Start, precision: Precision, descent: Descent, noise: Stream, n_samples: int
 ) -> Posterior:
-    """A full covariance, by a kernel where there is one; "dense" leaves it to torch."""
+    """A full covariance, by a kernel where there is one; "dense" leaves it to torch.
+
+    Of a large network it is diagonal, with one line in the log that says so.
+    """
+    runs, components, d = start.mu.shape
+    size = 4 * runs * components * d**2 / GIGABYTE
+    if d >= LARGE:
+        shape = f"{d:,} weights would take {size:,.1f} GB as full covariances"
+        LOGGER.warning("%s: they are diagonal (covariance='dense' keeps them full)", shape)
+        calm = descent._replace(alpha=min(descent.alpha, CALM))
+        return Diagonal(start, precision, calm, noise, n_samples)
+    if size > 1:
+        LOGGER.warning("the full covariances of %s weights take %.1f GB", f"{d:,}", size)
     kind: type[Dense | Fused | Blocked] = Dense
     if kernels() is not None and start.mu.device.type == "cpu" and n_samples <= MOST_SAMPLES:
         shared = not isinstance(precision.scale, Tensor)  # by all runs
