@@ -268,7 +268,7 @@ def test_a_file_that_is_not_whole_is_named(tmp_path):
         (partial(solve, [ENV], ModuleQ(FLAT, 2), 10), "q must value an observation"),
         (partial(solve, [ENV], ModuleQ(DRAWING, 2), 10), "the same values each time, got others"),
         (partial(solve, [ENV], ModuleQ(TORCH_DRAWING, 2), 10), "value an observation .*random"),
-        (partial(solve, ["CartPole-v1"], Q, 10), "each environment must be of type Env"),
+        (partial(solve, ["CartPole-v1"], Q, 10), "each of envs must be of type Env"),
         (partial(transfer, [ENV], LINEAR, SOURCES, 10), "q must be of type QFunction"),
         (partial(transfer, [ENV], Q, SOLVED, 10), r"pass .weights\[:, 0\]"),
         (partial(transfer, [ENV], Q, SOURCES, 10, LEARNER), "wrap it in FineTuning"),

@@ -2,9 +2,16 @@
 
 import re
 from pathlib import Path
+from types import SimpleNamespace
+
+import gymnasium
+import torch
 
 import vtlib
 from vtlib.stats import difference_interval, mean_interval
+
+# As the policy's network of Stable-Baselines3's DQN is, beside which the README's lines were tried.
+NETWORK = torch.nn.Sequential(torch.nn.Linear(4, 8), torch.nn.ReLU(), torch.nn.Linear(8, 2))
 
 README = Path(__file__).resolve().parent.parent / "README.md"
 
@@ -38,3 +45,13 @@ def test_the_example_transfers(capsys, monkeypatch):
     assert 7 < names["steps"] / 1000 < 9
     # "fine-tuning after the same trials does as well here"
     assert difference_interval(ours, tuned).low < 0
+
+
+def test_networks_of_stable_baselines3_are_sources():
+    text = README.read_text(encoding="utf-8")
+    (code,) = re.findall(r"```text\n(q = ModuleQ.*?)```", text, re.DOTALL)
+    model = SimpleNamespace(q_net=SimpleNamespace(q_net=NETWORK))
+    names = {"models": [model, model], "envs": [gymnasium.make("CartPole-v1")], "torch": torch}
+    names |= {"ModuleQ": vtlib.ModuleQ, "transfer": vtlib.transfer}
+    exec(compile(code.replace("1000", "10"), str(README), "exec"), names)
+    assert names["learned"].weights.shape[2] == sum(p.numel() for p in NETWORK.parameters())

@@ -9,7 +9,7 @@ import torch
 from gymnasium.spaces import Box, Dict, Discrete, MultiBinary, MultiDiscrete, Tuple
 from torch import Tensor
 
-from vtlib.checks import check_kind
+from vtlib.checks import check_kind, shown
 from vtlib.replay import Transition
 from vtlib.rng import Stream
 
@@ -193,6 +193,13 @@ class GymEpisodes:
         return numbers
 
 
+def check_environment(env: object) -> None:
+    """Raise ValueError unless env is an environment of its own."""
+    if isinstance(env, gymnasium.vector.VectorEnv):
+        raise ValueError(f"envs must be single environments, got {shown(env)}: pass its .envs")
+    check_kind("each of envs", env, gymnasium.Env)
+
+
 def _flattens(space: gymnasium.Space[Any]) -> bool:
     try:
         return isinstance(space, FLATTENED) and space.is_np_flattenable
@@ -214,9 +221,7 @@ def _flattening(space: gymnasium.Space[Any]) -> str:
 
 def _sizes(env: gymnasium.Env) -> tuple[int, int]:
     """Numbers of an observation and of actions; ValueError for spaces of another kind."""
-    if isinstance(env, gymnasium.vector.VectorEnv):
-        raise ValueError(f"envs must be single environments, got {env}: pass its .envs")
-    check_kind("each environment", env, gymnasium.Env)
+    check_environment(env)
     box, discrete = env.observation_space, env.action_space
     if not (isinstance(box, Box) and len(box.shape) == 1):
         remedy = _flattening(box)

@@ -117,6 +117,7 @@ def transfer(
     check_whole("iterations", iterations)
     check_trials(trials)
     check_kind("callback", callback, Callable | None)
+    check_kind("device", device, str)
     check_envs(envs)
     check_kind("q", q, QFunction)
     if isinstance(sources, Learned):

@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 
 from vtlib.checks import check_between, check_kind, check_weights, check_whole, shown
-from vtlib.episodes import GymEpisodes
+from vtlib.episodes import GymEpisodes, check_environment
 from vtlib.qfunctions import QFunction
 from vtlib.rng import generator
 from vtlib.training import arithmetic
@@ -102,6 +102,8 @@ def check_envs(envs: object) -> None:
     if isinstance(envs, gymnasium.vector.VectorEnv):
         raise ValueError(f"envs must be a Sequence, got {shown(envs)}: pass its .envs")
     check_kind("envs", envs, Sequence)
+    for env in envs:  # type: ignore[attr-defined]
+        check_environment(env)
 
 
 def stream_name(task: str, seed: int) -> str:

@@ -126,7 +126,8 @@ class MLP:
             isinstance(x, int | np.integer) and not isinstance(x, bool) for x in sizes
         )
         if not whole or len(sizes) < 2 or min(sizes) < 1:
-            raise ValueError(f"sizes must list at least two positive layer sizes: {shown(sizes)}")
+            rule = "sizes must list at least two positive layer sizes"
+            raise ValueError(f"{rule}, got {shown(sizes)}")
         self.sizes = tuple(map(int, sizes))
         self._layers = list(pairwise(self.sizes))
         self.n_actions, self.width = self.sizes[-1], max(self.sizes)
