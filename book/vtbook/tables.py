@@ -1,7 +1,6 @@
 """Tables as HTML: claims with their verdicts, how a figure was computed, and robust numbers."""
 
 import html
-import re
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
@@ -17,9 +16,8 @@ Row = Sequence[str]
 
 
 def escape(text: str) -> str:
-    """Text for HTML, with printers' apostrophes, and names such as 1-MGVT kept in one line."""
-    text = html.escape(text).replace("&#x27;", "’")
-    return re.sub(r"\b\d-MGVT\b", r"<span class='whole'>\g<0></span>", text)
+    """Text for HTML, with printers' apostrophes."""
+    return html.escape(text).replace("&#x27;", "’")
 
 
 def html_table(head: Row, rows: Iterable[Row], caption: str = "") -> str:
