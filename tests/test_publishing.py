@@ -1,4 +1,4 @@
-"""What publishes the book: the PDF, the citation, and the book run elsewhere."""
+"""What publishes the book: the PDF, the citation, and the locked versions."""
 
 import importlib.metadata
 import re
@@ -13,11 +13,6 @@ ROOT = Path(__file__).resolve().parents[1]
 
 def text(name: str) -> str:
     return (ROOT / name).read_text(encoding="utf-8")
-
-
-def test_every_page_is_in_the_table_of_contents_and_so_in_the_pdf():
-    named = re.findall(r"(?:root|file): book/(\S+)", text("_toc.yml"))
-    assert sorted(named) == sorted(page.stem for page in ROOT.glob("book/*.md"))
 
 
 def test_a_printed_page_shows_no_code_bars_and_figures_of_lines(book, page, extension):
