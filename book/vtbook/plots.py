@@ -101,11 +101,11 @@ class BookFigure(Figure):
                 beside["narrow"] = b64encode(self._png()).decode()
         return wide, beside
 
-    def svg(self) -> str:
-        """The figure as lines and letters."""
+    def svg(self, letters: str = "path") -> str:
+        """The figure in lines; its letters as lines, too, or "none" for the reader's own font."""
         out = io.StringIO()
         # the same text whenever it is drawn
-        with look(), mpl.rc_context({"svg.hashsalt": "vtbook"}):
+        with look(), mpl.rc_context({"svg.hashsalt": "vtbook", "svg.fonttype": letters}):
             FigureCanvasSVG(self).print_svg(out, metadata={"Date": None})
         return out.getvalue()
 

@@ -12,6 +12,7 @@ from vtbook.plots import COLOURS, STYLES, BookFigure, drawn
 from vtlib.stats import mean_interval
 
 HEIGHT = 12.0  # of a title's line, in points
+FONT = "'DejaVu Sans', Verdana, sans-serif"  # of the book's figures, and one as wide
 LONG = re.compile(r"-?\d+\.\d{3,}")
 
 
@@ -56,7 +57,7 @@ class Frame:
             f'<svg class="curves" role="img" aria-label="{escape(alt)}" width="{self._width:.0f}pt"'
             f' viewBox="0 0 {self._width:.1f} {self._height:.1f}"><use href="#{self._name}"/>'
             f'<text x="{x:.1f}" y="{y - HEIGHT:.1f}" font-size="10"'
-            f' font-family="DejaVu Sans, sans-serif">{escape(title)}</text>'
+            f' font-family="{FONT}">{escape(title)}</text>'
             f'<path d="{_path(np.concatenate([high, low[::-1]]))}z" fill="{colour}" opacity=".18"/>'
             f'<path d="{_path(self._points(at, band.centre))}" fill="none" stroke="{colour}"'
             f' stroke-width="1.8"{dashes}/><g fill="{colour}" opacity=".5">{dots}</g></svg>'
@@ -67,7 +68,7 @@ class Frame:
         return np.array([0, self._height]) + [1, -1] * (self._at(np.stack([x, y], 1)) * self._scale)
 
     def _drawn(self, figure: BookFigure) -> str:
-        whole = figure.svg()
+        whole = figure.svg("none")
         inside = whole[whole.index("<defs>") : whole.rindex("</svg>")]
         # it would hold for all pictures of the page, and here it is said of one
         inside = re.sub(r"<style.*?</style>", "", inside, flags=re.DOTALL)
@@ -75,6 +76,8 @@ class Frame:
         inside = re.sub(
             r' id="([^"]*)"', lambda found: found[0] if found[1] in used else "", inside
         )
+        inside = re.sub(r"'DejaVu Sans'[^;\"]*sans-serif", FONT, inside)
+        inside = re.sub(r"<!--.*?-->|<defs>\s*</defs>", "", inside)
         inside = re.sub(r"\s*\n\s*", " ", LONG.sub(_short, inside))
         return (
             f'<svg class="frame" aria-hidden="true"><symbol id="{self._name}"'
