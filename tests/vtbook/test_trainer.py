@@ -1,12 +1,8 @@
 """The panel that trains in a page: its parts, its runs against stored ones, and its use."""
 
-import importlib.util
 import json
 import os
 import re
-import shutil
-import subprocess
-import sys
 from base64 import b64decode
 from pathlib import Path
 
@@ -38,26 +34,8 @@ def setup_of(html):
     return bs4.BeautifulSoup(html, "html.parser").find("script", type="application/json").string
 
 
-def found(name):
-    """Where a program is; node comes with playwright, too."""
-    beside = [Path(sys.executable).parent]
-    if spec := importlib.util.find_spec("playwright"):
-        beside.append(Path(spec.origin).parent / "driver")
-    return next(filter(None, (shutil.which(name, path=x) for x in (None, *beside))), None)
-
-
-def call(name, wheel, *arguments):
-    """What a program prints; skipped where it is not installed."""
-    path = found(name)
-    if path is None:
-        pytest.skip(f"{name} is not installed: pip install {wheel} brings it")
-    done = subprocess.run([path, *arguments], capture_output=True, text=True)
-    assert done.returncode == 0, done.stdout + done.stderr
-    return done.stdout
-
-
 @pytest.fixture
-def node(tmp_path, monkeypatch):
+def node(tmp_path, monkeypatch, call):
     given = tmp_path / "setup.json"
     monkeypatch.setenv("VTLIB_TRAINER", str(given))
 
@@ -83,7 +61,7 @@ def test_all_kernels_of_the_pages_are_small():
     assert sum(page_module(kernel).stat().st_size for kernel in PAGES) < 60_000
 
 
-def test_a_linter_finds_nothing_in_the_scripts():
+def test_a_linter_finds_nothing_in_the_scripts(call):
     call("oxlint", "oxlint", "--deny-warnings", *STATIC.glob("*.js"), *HERE.glob("*.js"))
 
 
