@@ -41,6 +41,8 @@ class Driven {
     row.append(document.createElement("span"), document.createElement("input"), document.createElement("output"));
     const [text, input, output] = row.children;
     text.textContent = STAGE.labels[name];
+    input.setAttribute("aria-label", STAGE.labels[name]);
+    output.setAttribute("aria-live", "off");
     Object.assign(input, { type: "range", min, max, step, value: this.numbers[i] });
     output.textContent = input.value;
     let gesture = {};

@@ -95,12 +95,18 @@ class Chart {
     draw(this.marks, "line", { x1: x, x2: x, y1: this.top, y2: this.bottom });
   }
 
-  show({ curves, learning, iteration }) {
+  show({ curves, learning, iteration, bands }) {
     for (const name of Object.keys(LIVE)) {
       const values = [...(curves[name] ?? []), learning[name]];
       const places = values.map((_, i) => Math.min((i + 1) * this.setup.every, iteration));
-      this.trace(this.svg.querySelector(`.${name}`), places, values);
+      this.trace(this.svg.querySelector(`.run.${name}`), places, values);
     }
+    for (const name of Object.keys(LIVE)) {
+      const { mean = [], least = [], most = [] } = bands[name] ?? {}, at = mean.map((_, i) => (i + 1) * this.setup.every);
+      this.trace(this.svg.querySelector(`.mean.${name}`), at, mean);
+      this.trace(this.svg.querySelector(`.band.${name}`), [...at, ...[...at].reverse()], [...most, ...least.reverse()]);
+    }
+    this.svg.classList.toggle("many", Boolean(bands));
     const said = Object.entries(learning).map(([name, y]) => `${LIVE[name]} ${measured(y)}`).join(", ");
     this.svg.setAttribute("aria-label", `Learning return after ${grouped(iteration)} iterations: ${said}`);
   }
@@ -153,6 +159,10 @@ class Panel {
   listen() {
     const onClick = (selector, does) => this.find(selector).addEventListener("click", does);
     onClick(".go", () => (this.running ? this.send({ rate: 0 }) : this.go()));
+    onClick(".ten", () => {
+      this.running = true;
+      this.begin({ seeds: 10 });
+    });
     onClick(".step", () => this.send({ rate: 0, steps: 1 }));
     onClick(".reset", () => { this.running = false; this.begin(); });
     onClick(".next", () => {
@@ -227,23 +237,27 @@ class Panel {
   }
 
   /* A screen reader hears every 500 iterations, and the end. */
-  sayWhere({ iteration, learning, arrival }) {
+  sayWhere({ iteration, learning, arrival, seeds, bands }) {
     const value = measured(learning.transfer), passed = 500 * Math.floor(iteration / 500);
     if (this.running) {
       if (passed && passed !== this.passed) this.say(`training, past ${grouped(passed)}: learning return ${value}`);
       this.passed = passed;
       return;
     }
+    if (seeds > 1) return this.say(`${seeds} seeds: learning return ${measured(bands.transfer.mean.at(-1))} on average.`);
     const end = iteration >= this.setup.iterations ? "Done" : "Paused";
     const goal = arrival ? `${STAGE.reached} at ${grouped(arrival)}` : STAGE.never;
     this.say(iteration ? `${end} at ${grouped(iteration)}: learning return ${value}; ${goal}.` : "Ready.");
   }
 
-  showNumbers({ iteration, speed, arrival, episodes, learning }) {
+  showNumbers({ iteration, speed, arrival, episodes, learning, seeds, bands }) {
     const texts = { arrival: arrival ? `at ${grouped(arrival)}` : "not yet", greedy: measured(this.greedy) };
     for (const [name, number] of Object.entries({ iteration, episodes, speed })) texts[name] = grouped(number);
     for (const [name, text] of Object.entries(texts)) this.find(`.facts .${name}`).textContent = text;
-    const own = Object.entries(learning).map(([name, y]) => ({ name, label: `${LIVE[name]} ${measured(y)}` }));
+    const own = Object.entries(learning).map(([name, y]) => {
+      const mean = bands && bands[name].mean.at(-1);
+      return { name, label: bands ? `${name === "transfer" ? "this setting" : LIVE[name]}, ${seeds} seeds ${measured(mean)}` : `${LIVE[name]} ${measured(y)}` };
+    });
     this.find(".legend").replaceChildren(...[...own, ...this.setup.references].map((one) => {
       const entry = document.createElement("li");
       entry.className = one.name ?? `reference ${one.family ?? ""}`;

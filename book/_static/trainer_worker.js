@@ -166,9 +166,19 @@ class Run {
   }
 }
 
+/* Of each learner, over its curves from several seeds, the mean, least and most at each record; of what was
+   not measured in all of them there is none. */
+function bandsOf(trainings) {
+  const over = (name, what) => trainings[0][name].map((_, i) => what(trainings.map((curves) => curves[name][i])));
+  return Object.fromEntries(Object.keys(trainings[0]).map((name) => [name, {
+    mean: over(name, (x) => x.reduce((total, y) => total + y, 0) / x.length),
+    least: over(name, (x) => Math.min(...x)), most: over(name, (x) => Math.max(...x)),
+  }]));
+}
+
 /* The runs that a panel watches, on one task from one seed, in slices of time between its commands:
    chosen (begin anew with these numbers), task (from now on), rate (iterations a second;
-   0 to pause), steps (so many, at once). After each, and along the way, it is told where the runs are. */
+   0 to pause), steps (so many, at once), seeds (so many trainings, one after the other). After each, and along the way, it is told where the runs are. */
 class Training {
   constructor({ wasm, pool, scales, setup }, tell) {
     Object.assign(this, { setup, tell, rate: 0, looked: 0, told: 0 });
@@ -176,8 +186,9 @@ class Training {
     this.pool = decodePool(pool, scales);
   }
 
-  command({ chosen, task, rate, steps, calm, drivers }) {
+  command({ chosen, task, rate, steps, calm, drivers, seeds = 1 }) {
     if (chosen) {
+      Object.assign(this, { left: seeds, finished: [] });
       this.chosen = chosen;
       this.runs = null;  // made when needed: a dragged slider asks for many that nobody waits for
     }
@@ -222,8 +233,17 @@ class Training {
         if (run.steps % every === 0) this.curves[name].push(run.learning);
       }
     }
-    if (transfer.steps >= iterations) this.rate = 0;
+    if (transfer.steps >= iterations && this.rate) this.finish();
     return done;
+  }
+
+  /* The next seed, where several are asked for. */
+  finish() {
+    this.finished.push(this.curves);
+    this.left--;
+    if (this.left < 1) this.rate = 0;
+    else this.chosen = { ...this.chosen, seed: this.chosen.seed + 1 };
+    if (this.rate) this.make();
   }
 
   tick() {
@@ -251,6 +271,7 @@ class Training {
     this.tell({
       running, iteration: transfer.steps, episodes: transfer.episodes, arrival: transfer.arrival,
       path: transfer.path, last: transfer.last, curves: this.curves, speed: this.speed,
+      seeds: this.finished.length, bands: this.finished.length > 1 && bandsOf(this.finished),
       learning: Object.fromEntries(Object.entries(this.runs).map(([k, r]) => [k, r.learning])),
       ...(look && { maps: typeof mapsOf === "function" && mapsOf(transfer), greedy: transfer.kernel.greedy(10) }),
     });

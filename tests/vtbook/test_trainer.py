@@ -206,7 +206,9 @@ def test_a_reader_moves_the_doors_trains_and_sees_transfer_pay(opened, page):
     assert upper.get_attribute("aria-valuenow") == "7.9"
     shown = trained(panel)
     assert shown["transfer"] > shown["none"] + 0.3
-    ends = {x: panel.locator(f".chart .{x}").get_attribute("points").split(",")[-1] for x in shown}
+    ends = {
+        x: panel.locator(f".chart .run.{x}").get_attribute("points").split(",")[-1] for x in shown
+    }
     assert float(ends["transfer"]) < float(ends["none"]) - 50
     assert panel.locator(".map .last").get_attribute("points").count(",") > 5
     assert not messages
@@ -294,3 +296,16 @@ def test_who_drives_is_seen_while_training_goes_on(opened, page):
     page.wait_for_timeout(500)
     assert panel.locator(".iteration").inner_text() != before
     assert "At the wheel" in panel.locator(".drove").inner_text()
+
+
+def test_ten_seeds_are_drawn_with_their_mean_and_band(opened):
+    panel = opened("rooms_exploration")
+    trained(panel)
+    panel.get_by_role("button", name="Ten seeds").click()
+    shows(panel, ".says", "^10 seeds: ")
+    shows(panel, ".legend .transfer", r"10 seeds 0\.\d")
+    for part in ("mean", "band"):
+        assert panel.locator(f".chart .{part}.transfer").get_attribute("points").count(",") > 100
+    panel.get_by_role("button", name="Reset").click()
+    shows(panel, ".says", "^Ready")
+    assert not panel.locator(".chart .band.transfer").get_attribute("points")

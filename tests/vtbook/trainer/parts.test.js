@@ -149,3 +149,14 @@ test("the maps begin as the prior: the source's values, and its narrow deviation
     close(deviation[cell], Math.sqrt(variance * shares.reduce((total, x) => total + x ** 2, 0)), 1e-6);
   }
 });
+
+test("trainings from several seeds follow one another, and have a band", () => {
+  const told = [], training = new worker.Training({ wasm, pool, scales: setup.scales, setup: { ...setup, iterations: 50, every: 25 } }, (x) => told.push(x));
+  Object.assign(training, { chosen, left: 2, finished: [], rate: 1 });
+  training.advance(50);
+  assert.deepEqual([training.rate, training.chosen.seed, training.runs.transfer.steps], [1, chosen.seed + 1, 0]);
+  training.advance(50);
+  assert.deepEqual([training.rate, training.finished.length], [0, 2]);
+  const { mean, least, most } = worker.bandsOf([{ transfer: [1, NaN] }, { transfer: [3, 4] }]).transfer;
+  assert.deepEqual([mean, least, most], [[2, NaN], [1, NaN], [3, NaN]]);
+});
