@@ -172,3 +172,16 @@ def test_the_corridor_is_drawn_acted_and_updated_by_keys(address, page):
     assert band.get_attribute("points") != before
     page.locator(".corridor button[value=again]").press("Enter")
     assert band.get_attribute("points") == before
+
+
+def test_claims_are_filtered_by_verdict_and_page(address, page):
+    page.goto(f"{address}/book/scorecard.html", wait_until="load")
+    shown, count = page.locator(".scorecard details:visible"), page.locator(".scorecard output")
+    every = shown.count()
+    page.select_option(".scorecard select[name=verdict]", "not reproduced")
+    assert 0 < shown.count() < every
+    assert count.inner_text() == f"{shown.count()} claims"
+    page.select_option(".scorecard select[name=page]", "mazes")
+    assert shown.count() == 1
+    shown.locator("summary").press("Enter")
+    assert page.locator(".scorecard table:visible").count() == 1

@@ -50,18 +50,7 @@ def claims_table(claims: Sequence[Claim]) -> str:
     return _claims([_claim_row(x, printed) for x in claims], printed)
 
 
-def scorecard_table(pages: Mapping[str, Sequence[Claim]]) -> str:
-    """The claims of pages, by the pages' names, below a link to each page."""
-    rows = []
-    for page, claims in pages.items():
-        title = page.replace("_", " ").capitalize()
-        link = f"<a href='{page}.html#the-claims'>{title}</a>"
-        rows.append(f"<tr><th colspan='{2 + len(PROTOCOLS)}'>{link}</th></tr>")
-        rows += map(_claim_row, claims)
-    return _claims(rows)
-
-
-def _claims(rows: Iterable[str], printed: bool = True) -> str:
+def _claims(rows: Iterable[str], printed: bool) -> str:
     heads = ["Claim, and the number that decides", *PROTOCOLS.values()]
     heads += ["Published curve"] * printed
     head = "".join(f"<th scope='col'>{x}</th>" for x in heads)
@@ -70,7 +59,7 @@ def _claims(rows: Iterable[str], printed: bool = True) -> str:
     return f"<table class='claims'>{caption}{body}</table>"
 
 
-def _claim_row(claim: Claim, printed: bool = True) -> str:
+def _claim_row(claim: Claim, printed: bool) -> str:
     # The first word of the verdict is a class, by which the book colours its cell.
     cells = []
     for protocol in PROTOCOLS:

@@ -30,12 +30,9 @@ def test_claims_are_told_with_what_decides_about_them():
     overlap = {"equations": 0.567}
     claim = Claim(f"{HOSTILE} holds.", "<it> & all", numbers, ACROSS, high=1.0, overlap=overlap)
     mine = Claim("Mine.", "n", {"published": ACROSS}, None, low=0.9, ours=True)
-    card = tables.scorecard_table({"three_rooms": [claim], "maze": [mine]})
-    plain = tables.claims_table([claim, mine])
-    head, rooms, first, _, second = rows_of(card)
-    assert rows_of(plain) == [head, first, second]
+    card = tables.claims_table([claim, mine])
+    head, first, second = rows_of(card)
     assert head[1:] == ["As published", "By the equations", "Published curve"]
-    assert rooms == ["<a href='three_rooms.html#the-claims'>Three rooms</a>"]
     assert first == [
         f"{SHOWN} holds.<br><small><it> & all: at most 1</small>",
         f"{REPRODUCED}<br><small>0.50 (0.40 to 0.60)</small>",
