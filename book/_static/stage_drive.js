@@ -25,7 +25,11 @@ class Driven {
     const sources = Array.from({ length: RANGES.sources[1] }, (_, i) => [i, `source ${i + 1}`]);
     for (const [value, text] of [...Object.entries(WHEEL), ...sources]) this.wheel.add(new Option(text, value));
     const button = root.querySelector(".drive");
-    button.addEventListener("click", () => (this.timer ? this.stop("Stopped") : ask()));
+    button.addEventListener("click", () => {
+      if (this.timer) return this.stop("Stopped");
+      if (this.wheel.value === "you") scene.focus();
+      return ask();
+    });
     this.button = button;
     this.listen(scene);
     WebAssembly.instantiate(wasm).then(({ instance }) => { this.kernel = instance.exports; });
@@ -85,12 +89,11 @@ class Driven {
     weights?.forEach((w, i) => { driver[16 * i] = w; });
     this.button.textContent = "Stop";
     this.say(`At the wheel: ${this.name}.`);
-    if (who === "you") this.root.querySelector(".scene").focus();
     const step = () => {
       const over = this.step(who === "you" ? byHand(this.held, this.time) : -1);
-      if (over) return this.stop(over);
-      const wait = 1000 / (who === "you" ? STAGE.pace / STAGE.slower : STAGE.pace);
-      if (!this.calm || who === "you") this.timer = setTimeout(step, wait);
+      const wait = (1000 / STAGE.pace) * (who === "you" ? STAGE.slower : 1);
+      if (over) this.stop(over);
+      else if (!this.calm || who === "you") this.timer = setTimeout(step, wait);
       return over;
     };
     if (!this.calm || who === "you") return void step();
