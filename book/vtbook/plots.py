@@ -19,7 +19,6 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 from matplotlib.legend import Legend
-from matplotlib.patheffects import withStroke
 from matplotlib.text import Text
 from matplotlib.typing import LineStyleType
 from PIL import Image
@@ -60,7 +59,6 @@ STYLES: dict[str, LineStyleType] = {
     "fine-tuned mean": (0, (8, 2)),
     "recommended": (0, (12, 1)),
 }
-HALO = withStroke(linewidth=2, foreground="white")  # around a text that stands among curves
 # Set where a figure that is cut off shall fail: in the book's build and the tests. A reader gets it
 # as it is, for it may be the result of minutes.
 CHECKED = "VTLIB_CHECK_FIGURES"
@@ -269,10 +267,6 @@ def _mark_arrival(ax: Axes, at: np.ndarray, values: np.ndarray, floor: float, co
     half = int(np.sort(first)[(len(first) - 1) // 2])
     if 0 < half < len(at):
         ax.plot(at[half], 0.03, "^", color=colour, transform=ax.get_xaxis_transform(), zorder=5)
-        where, base = (at[half], 0.03), ax.get_xaxis_transform()
-        # over curves of runs, which would cross it out, and above means that stay at nothing
-        note = ax.annotate("half arrived", where, (7, 3), base, "offset points", size=8, zorder=5)
-        note.set_path_effects([HALO])
 
 
 def over_published(
