@@ -28,7 +28,7 @@ Q = MLP((2, 3, 2))
 
 NO_NUMBER = [None, "3", True, math.nan, math.inf, -math.inf, 1e300, torch.ones(1), [1], 1j]
 NO_NUMBER += [np.float32(1), np.int64(3), 10**5000]  # which has more digits than Python writes
-COUNT = [*NO_NUMBER, 0, -1, 1.0, 2.5, LARGEST + 1]
+COUNT = [*(x for x in NO_NUMBER if type(x) is not np.int64), 0, -1, 1.0, 2.5, LARGEST + 1]
 POSITIVE = [*NO_NUMBER, 0, 0.0, -1e-6, 9e-38, 1.1e38]
 NEGATIVE = [*NO_NUMBER, -1e-6]
 SHARE = [*NO_NUMBER, -1e-9, 1 + 1e-7]
@@ -43,8 +43,8 @@ BY_KIND = [
     ("psi epsilon_start epsilon_end", SHARE),
     ("gamma beta1 beta2", [*SHARE, 1]),
     ("family init act covariance kl prior start responsibilities", WORD),
-    ("patience", [*NO_NUMBER, -1, 0.0]),
-    ("ddof", [*NO_NUMBER, -1, 2, 0.5]),
+    ("patience", [*COUNT[:-5], -1, 0.0]),
+    ("ddof", [*COUNT[:-5], -1, 2, 0.5]),
     ("learner", [*WORD, Settings()]),
     ("settings", WORD),
 ]
@@ -177,8 +177,7 @@ def test_what_does_not_fit_a_q_function_or_a_buffer_is_refused():
     for layer, why in ((nn.BatchNorm1d(2), "0.r"), (nn.Dropout(), "dropout"), (nn.ReLU(), "none")):
         assert f"it has {why}" in refused(ModuleQ, nn.Sequential(layer), 2)
     for count in COUNT:
-        if not isinstance(count, np.int64):  # as Gymnasium counts
-            assert "n_actions must be" in refused(ModuleQ, nn.Linear(2, 2), count)
+        assert "n_actions must be" in refused(ModuleQ, nn.Linear(2, 2), count)
         assert "n_actions must be" in refused(RBFLinear, torch.arange(3.0), 1.0, count)
         assert "capacity must be" in refused(ReplayBuffer, 1, count, 1)
     for value in POSITIVE:
@@ -194,3 +193,10 @@ def test_values_are_shown_in_one_line_that_is_not_too_long():
     assert shown(10**5000) == "a value of type int"
     assert shown("x" * 999) == "'" + "x" * (SHOWN - 1) + "..."
     assert one_line("a\n\u2028λ") == r"a\n\u2028λ"
+
+
+def test_a_whole_number_of_numpy_becomes_one_of_python():
+    settings = Settings(components=np.int64(3), patience=np.uint8(2))
+    assert settings == Settings(components=3, patience=2)
+    assert {type(settings.components), type(settings.patience)} == {int}
+    assert FineTuning().learner == MellowTDSettings(1, minibatch=200, epsilon_start=0.02)

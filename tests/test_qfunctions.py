@@ -47,6 +47,22 @@ def test_bases_equal_the_naive_formula(centers, variance):
     torch.testing.assert_close(pullback(cotangent), gradient.float(), **ROUNDING)
 
 
+def test_parameters_that_require_no_gradient_stay_as_they_are():
+    module = network(4, 8, 2)
+    module[0].requires_grad_(False)
+    q, w, obs = ModuleQ(module, 2), draw(1, 2, 18), draw(1, 5, 4, seed=1)
+    assert q.d == 18
+    values, pullback = q.vjp(w, obs)
+    hidden = module[0](obs[0]).relu().detach()
+    for k in range(2):
+        expected = w[0, k, :16].view(2, 8) @ hidden.T + w[0, k, 16:].unsqueeze(1)
+        torch.testing.assert_close(values[0, k], expected, **ROUNDING)
+    assert pullback(torch.ones_like(values)).shape == w.shape
+    assert torch.equal(q.flatten(module)[:16], module[2].weight.detach().flatten())
+    with pytest.raises(ValueError, match=r"module must have the parameters 2.weight .2, 8"):
+        q.flatten(network(4, 7, 2))
+
+
 SHALLOW, DEEP, LINEAR = network(4, 32, 2), network(2, 5, 7, 3), network(3, 2)
 OTHER = nn.Sequential(nn.Linear(3, 8), nn.Tanh(), nn.LayerNorm(8), nn.Linear(8, 2, bias=False))
 

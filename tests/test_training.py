@@ -108,7 +108,7 @@ from vtbook.experiments.cartpole import CARTPOLE
 from vtbook.experiments.rooms import ROOMS_EVALUATION
 from vtlab.run import run_batch
 from vtlab.store import weights
-from vtlib.gym_runs import evaluate, solve, transfer
+from vtlib import evaluate, solve, transfer
 from vtlib.qfunctions import MLP
 
 class Watched(gymnasium.Wrapper):

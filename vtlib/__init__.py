@@ -1,7 +1,10 @@
 """Variational transfer of value functions between reinforcement learning tasks."""
 
 from vtlib.baselines import DDQNSettings, FineTuning, MellowTDSettings
-from vtlib.gym_runs import Learned, evaluate, solve, transfer
+from vtlib.gym_runs import resume, solve, transfer
+from vtlib.learned import Learned
+from vtlib.playing import evaluate, play
+from vtlib.pool import Pool
 from vtlib.qfunctions import MLP, ModuleQ, RBFLinear
 from vtlib.recommended import Recommended
 from vtlib.stats import mean_interval
@@ -14,11 +17,14 @@ __all__ = [
     "Learned",
     "MellowTDSettings",
     "ModuleQ",
+    "Pool",
     "RBFLinear",
     "Recommended",
     "Settings",
     "evaluate",
     "mean_interval",
+    "play",
+    "resume",
     "solve",
     "transfer",
 ]

@@ -72,7 +72,8 @@ class FineTuning:
     transfers: ClassVar[bool] = True
 
     learner: MellowTDSettings | DDQNSettings = field(
-        validator=kind(MellowTDSettings | DDQNSettings)
+        factory=lambda: MellowTDSettings(epsilon_steps=1, epsilon_start=0.02, minibatch=200),
+        validator=kind(MellowTDSettings | DDQNSettings),
     )
     start: str = field(default="one", validator=one_of(("one", "mean")))
 

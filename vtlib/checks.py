@@ -1,6 +1,7 @@
 """Checks of what callers pass; each refusal is one line: the name, what is allowed, the value.
 
-Configurations are stored as JSON, so their numbers are Python's: neither NumPy's, nor True for 1.
+Configurations are stored as JSON, so their numbers are Python's: a whole number of NumPy's becomes
+one, its others are refused, and so is True for 1.
 """
 
 from collections.abc import Callable, Collection
@@ -34,8 +35,9 @@ def shown(value: object) -> str:
 
 
 def check_whole(name: str, value: object, least: int = 1, most: int = LARGEST) -> None:
-    """Raise ValueError unless value is an int between two others."""
-    if not (isinstance(value, int) and _is_number(value) and least <= value <= most):
+    """Raise ValueError unless value is an integer, of Python's or NumPy's, between two others."""
+    whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
+    if not (whole and least <= value <= most):  # type: ignore[operator]
         allowed = f"a whole number from {least} to {most}"
         raise ValueError(f"{name} must be {allowed}, got {shown(value)}")
 
@@ -76,12 +78,19 @@ def check_name(name: str, value: object) -> None:
 
 
 def check_weights(
-    name: str, weights: Any, *shape: str | int, kinds: Collection[str] = ("float32",)
+    name: str,
+    weights: Any,
+    *shape: str | int,
+    kinds: Collection[str] = ("float32",),
+    tensor: bool = False,
 ) -> None:
     """Raise ValueError unless weights are finite, of a shape, and of one of some kinds of numbers.
 
-    weights: a tensor or an array. An axis that is given in words may have any size but 0.
+    weights: a tensor or, but for ``tensor``, an array. An axis that is given in words may have any
+    size but 0.
     """
+    if tensor:
+        check_kind(name, weights, Tensor)
     if not isinstance(weights, Tensor | np.ndarray):
         raise ValueError(f"{name} must be a tensor or an array, got {shown(weights)}")
     sizes = tuple(weights.shape)
@@ -106,7 +115,16 @@ def _for_fields(check: Callable[Concatenate[str, object, P], None]) -> Callable[
     return lambda *rest, **named: lambda _, field, value: check(field.name, value, *rest, **named)
 
 
-whole = _for_fields(check_whole)
+def whole(least: int = 1, most: int = LARGEST) -> Validator:
+    """``check_whole`` for a field, which holds Python's number afterwards."""
+
+    def check(instance: Any, field: Any, value: Any) -> None:
+        check_whole(field.name, value, least, most)
+        object.__setattr__(instance, field.name, int(value))  # the class may be frozen
+
+    return check
+
+
 positive = _for_fields(check_positive)
 between = _for_fields(check_between)
 one_of = _for_fields(check_one_of)

@@ -154,6 +154,7 @@ class GymEpisodes:
         if len(sizes) != 1:
             raise ValueError(f"environments must have the same spaces, got {sorted(sizes)}")
         ((self.obs_dim, self.n_actions),) = sizes
+        self.first_action = int(getattr(envs[0].action_space, "start", 0))
         self._envs: list[Any] = list(envs)
         pairs = zip(envs, seeds, strict=True)
         first = [self._observation(env, env.reset(seed=int(seed))[0]) for env, seed in pairs]
@@ -165,7 +166,11 @@ class GymEpisodes:
         """Apply actions (R,) and return the transitions; runs whose episode ended start anew."""
         after, current, reward, ended, over = [], [], [], [], []
         for env, a in zip(self._envs, action.tolist(), strict=True):
-            obs, r, terminated, truncated, _ = env.step(a + int(env.action_space.start))
+            outcome = env.step(a + int(env.action_space.start))
+            if len(outcome) != 5:
+                rule = "step must return obs, reward, terminated, truncated, info"
+                raise ValueError(f"{rule} (Gymnasium's five), got {len(outcome)} from {env}")
+            obs, r, terminated, truncated, _ = outcome
             after.append(self._observation(env, obs))
             reward.append(float(r))
             if not np.isfinite(reward[-1]):
@@ -173,8 +178,10 @@ class GymEpisodes:
             ended.append(bool(terminated))
             over.append(bool(terminated or truncated))
             current.append(self._observation(env, env.reset()[0]) if over[-1] else after[-1])
-        outcome = torch.tensor(reward), torch.from_numpy(np.stack(after)), torch.tensor(ended)
-        transition = Transition(self.obs, action, *outcome)
+        arrived = torch.from_numpy(np.stack(after))
+        transition = Transition(
+            self.obs, action, torch.tensor(reward), arrived, torch.tensor(ended)
+        )
         self.obs, self.fresh = torch.from_numpy(np.stack(current)), torch.tensor(over)
         self.returns.add(transition.reward, self.fresh)
         return transition
@@ -186,13 +193,33 @@ class GymEpisodes:
         return numbers
 
 
+def _flattens(space: gymnasium.Space[Any]) -> bool:
+    try:
+        return isinstance(space, FLATTENED) and space.is_np_flattenable
+    except NotImplementedError:  # MiniGrid's texts do not know
+        return False
+
+
+def _flattening(space: gymnasium.Space[Any]) -> str:
+    """What makes one Box of a space, as the end of an error; nothing where nothing does."""
+    if _flattens(space):
+        image = isinstance(space, Box) and len(space.shape) == 3 and min(space.shape[:2]) > 16
+        first = "GrayscaleObservation and ResizeObservation make it small, and " if image else ""
+        return f"; {first}gymnasium.wrappers.FlattenObservation makes one of it"
+    kept = [x for x, part in getattr(space, "spaces", {}).items() if _flattens(part)]
+    if isinstance(space, Dict) and kept:
+        return f"; FlattenObservation(FilterObservation(env, {kept})) makes one of a part of it"
+    return ""
+
+
 def _sizes(env: gymnasium.Env) -> tuple[int, int]:
     """Numbers of an observation and of actions; ValueError for spaces of another kind."""
+    if isinstance(env, gymnasium.vector.VectorEnv):
+        raise ValueError(f"envs must be single environments, got {env}: pass its .envs")
     check_kind("each environment", env, gymnasium.Env)
     box, discrete = env.observation_space, env.action_space
     if not (isinstance(box, Box) and len(box.shape) == 1):
-        flat = isinstance(box, FLATTENED) and box.is_np_flattenable
-        remedy = "; gymnasium.wrappers.FlattenObservation makes one of it" if flat else ""
+        remedy = _flattening(box)
         raise ValueError(f"needs a one-dimensional Box observation space, got {box}{remedy}")
     if not isinstance(discrete, Discrete):
         remedy = "gymnasium.wrappers.TransformAction can map a few numbers to actions"

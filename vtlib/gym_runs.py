@@ -1,86 +1,31 @@
-"""Solve, transfer and evaluate on ordinary Gymnasium environments, one call each."""
+"""Solve, transfer and resume on ordinary Gymnasium environments, one call each."""
 
-import io
+import warnings
 from collections.abc import Callable, Sequence
 from functools import partial
 from itertools import islice
-from pathlib import Path
-from typing import Self
+from typing import Any
 
-import attrs
 import gymnasium
-import numpy as np
 import torch
-from attrs import evolve, frozen
+from attrs import evolve
 from torch import Tensor
 from tqdm import tqdm
 
 from vtlib.baselines import DDQNSettings, FineTuning, MellowTDSettings
-from vtlib.checks import check_between, check_kind, check_weights, check_whole, shown
+from vtlib.checks import check_kind, check_weights, check_whole, shown
 from vtlib.episodes import GymEpisodes
-from vtlib.files import TornResult, write_bytes
+from vtlib.learned import Learned
+from vtlib.playing import check_envs, episodes_of, greedy_episodes, stream_name
 from vtlib.qfunctions import QFunction
 from vtlib.recommended import Recommended
-from vtlib.rng import Rng, generator
+from vtlib.rng import Rng
 from vtlib.training import Agent, arithmetic, check_finite, iterate
 from vtlib.transfer import Settings, VariationalTransfer
 
 EVERY = 100  # iterations from one record to the next
-LONGEST = 100_000  # steps after which an episode is given up
 
-Callback = Callable[[int, Tensor], bool | None]
-
-
-@frozen(eq=False)
-class Learned:
-    """What R runs end with.
-
-    weights (R, C, d): final weights, those of each component's mean for a posterior. iterations
-    (T,) and returns (R, T): mean discounted return of the last 50 episodes, NaN before the first
-    has ended. steps (R,): of the environment, trials included. improved (R,): whether the weights
-    learned are kept; else they are those of the best source (see ``transfer``). mu (R, C, d) and
-    scale_tril (R, C, d, d): means and factors L of the posterior learned, kept or not, or L's
-    diagonals (R, C, d) where it is diagonal; None without a posterior.
-    """
-
-    weights: Tensor
-    iterations: Tensor
-    returns: Tensor
-    steps: Tensor
-    improved: Tensor
-    mu: Tensor | None = None
-    scale_tril: Tensor | None = None
-
-    def __attrs_post_init__(self) -> None:
-        (runs, components, d), (times,) = self.weights.shape, self.iterations.shape
-        shapes = [tuple(x.shape) for x in (self.returns, self.steps, self.improved)]
-        means, factors = (None if x is None else x.shape for x in (self.mu, self.scale_tril))
-        shape = (runs, components, d)
-        posteriors = (None, None), (shape, shape), (shape, (*shape, d))
-        if shapes != [(runs, times), (runs,), (runs,)] or (means, factors) not in posteriors:
-            raise ValueError(
-                f"arrays must fit weights {tuple(shape)} and {times} records, got "
-                f"{shapes}, mu {means}, scale_tril {factors}"
-            )
-
-    def save(self, path: str | Path) -> None:
-        """Write everything to one .npz of plain arrays, at once, and make its folder if need be."""
-        Path(path).parent.mkdir(parents=True, exist_ok=True)
-        buffer = io.BytesIO()
-        parts = attrs.asdict(self, recurse=False).items()
-        arrays = {k: v.cpu().numpy() for k, v in parts if v is not None}
-        np.savez_compressed(buffer, **arrays)
-        write_bytes(Path(path), buffer.getvalue())
-
-    @classmethod
-    def load(cls, path: str | Path) -> Self:
-        """What was saved; TornResult names a file that is not whole or holds something else."""
-        whole = io.BytesIO(Path(path).read_bytes())
-        try:
-            with np.load(whole, allow_pickle=False) as stored:
-                return cls(**{name: torch.from_numpy(stored[name]) for name in stored})
-        except Exception as error:  # what is not such a file may raise anything
-            raise TornResult(f"{path} is not what Learned.save wrote") from error
+Callback = Callable[[int, Tensor, Tensor], bool | None]
 
 
 @arithmetic()
@@ -90,6 +35,7 @@ def solve(
     iterations: int,
     settings: MellowTDSettings | DDQNSettings | None = None,
     *,
+    trials: int = 10,
     seed: int = 0,
     callback: Callback | None = None,
     progress: bool = False,
@@ -97,21 +43,51 @@ def solve(
     """Learn each environment from scratch, by mellow TD unless settings say DDQN.
 
     All start from one common initialisation, which keeps the hidden units of a network comparable
-    between sources. callback is told the iteration and the mean returns (R,) every 100 iterations,
-    and ends the learning by returning False; progress shows a bar. It has no ``device``,
-    unlike ``transfer``: only posteriors are kept elsewhere than on the processor. Raises ValueError
-    for spaces other than Box and Discrete, a Q-function of other sizes or that draws random
-    numbers, or an environment that is given twice; Diverged when weights cease to be finite.
+    between sources. In the end each plays ``trials`` greedy episodes, which ``reached`` keeps and
+    ``steps`` leaves out; a warning names those that earn no more than the initial weights do.
+    callback is told the iteration, the mean returns (R,) and the weights (R, C, d) every 100
+    iterations, and ends the learning by returning False; progress shows a bar of all steps. Ctrl-C
+    ends it, too, and what was learned is returned. It has no ``device``, unlike ``transfer``: only
+    posteriors are kept elsewhere than on the processor. Raises ValueError for spaces other than
+    Box and Discrete, a Q-function of other sizes or that draws random numbers, or an environment
+    that is given twice; Diverged when weights cease to be finite.
     """
     check_whole("iterations", iterations)
+    check_trials(trials)
     check_kind("callback", callback, Callable | None)
     check_kind("settings", settings, MellowTDSettings | DDQNSettings | None)
     settings = settings or MellowTDSettings(epsilon_steps=max(1, iterations // 2))
-    name = _name("solve", seed)
-    episodes, rng = _episodes(envs, q, name, settings.gamma), Rng(name, range(len(envs)))
+    name = stream_name("solve", seed)
+    episodes, rng = episodes_of(envs, q, name, settings.gamma), Rng(name, range(len(envs)))
     start = 0.1 * Rng(name, [0]).stream("initial weights").normal(q.d).expand(len(envs), -1)
     agent = settings.agent(q, start, episodes.obs_dim, rng)
-    return _learn(agent, episodes, iterations, name, callback, progress)
+    bar = tqdm(total=iterations, unit=" steps", disable=not progress)
+    learned = _learn(agent, episodes, iterations, name, callback, bar)
+    learned = evolve(learned, q=q, settings=settings, seed=seed)
+    if trials and not learned.interrupted:
+        play = partial(_play, envs, q, episodes=trials, name=f"{name} trial", gamma=settings.gamma)
+        learned = _with_reached(learned, start.unsqueeze(1), partial(play, bar=bar))
+    bar.close()
+    return learned
+
+
+def _with_reached(learned: Learned, start: Tensor, play: Any) -> Learned:
+    """What was learned with the returns that it reached, and a warning where that is nothing."""
+    try:
+        reached, before = (play(weights=weights)[0] for weights in (learned.weights, start))
+    except KeyboardInterrupt:
+        return evolve(learned, interrupted=True)
+    except ValueError as error:  # learning took long, and an endless episode must not lose it
+        warnings.warn(f"what was reached is not known: {error}", stacklevel=4)
+        return learned
+    gain = reached - before
+    noise = gain.std(1, correction=0) / (gain.shape[1] - 1) ** 0.5
+    nothing = ~((gain.mean(1) > 0) & (gain.mean(1) >= noise))
+    if bool(nothing.any()):
+        runs = ", ".join(map(str, nothing.nonzero().flatten().tolist()))
+        fault = f"runs {runs} of solve learned nothing: greedy play earns no more than"
+        warnings.warn(f"{fault} the initial weights do, which is no source", stacklevel=4)
+    return evolve(learned, reached=reached)
 
 
 @arithmetic()
@@ -132,21 +108,25 @@ def transfer(
 
     Each source first plays ``trials`` greedy episodes; the best come first, where components start.
     In the end the posterior's means play as many, and are kept where they earn at least the
-    standard error of the difference more than the best source; with trials = 0 none is played.
+    standard error of the difference more than the best source; with trials = 0 none is played, nor
+    after Ctrl-C, which ends the learning and returns what was learned.
     The default is ``Recommended``. sources: ``weights[:, 0]`` of ``solve``. device: where
     posteriors are kept. Raises as ``solve``, and ValueError for missing, bad or misshapen sources,
     one trial, or a device that torch lacks.
     """
     check_whole("iterations", iterations)
-    check_whole("trials", trials, 0)
-    if trials == 1:
-        raise ValueError("trials must be 0 or at least 2: one has no standard error")
+    check_trials(trials)
     check_kind("callback", callback, Callable | None)
-    check_kind("envs", envs, Sequence)
+    check_envs(envs)
     check_kind("q", q, QFunction)
+    if isinstance(sources, Learned):
+        raise ValueError("sources must be a Tensor, got what solve returns: pass .weights[:, 0]")
     check_kind("sources", sources, Tensor)
     check_weights("sources", sources, "source", q.d)
     settings = Recommended() if settings is None else settings
+    if isinstance(settings, MellowTDSettings | DDQNSettings):
+        kind = type(settings).__name__
+        raise ValueError(f"settings must transfer, got {kind}: wrap it in FineTuning")
     check_kind("settings", settings, Settings | FineTuning | Recommended)
     # only posteriors are kept elsewhere than on the processor
     place = "cpu" if isinstance(settings, FineTuning) else device
@@ -155,23 +135,29 @@ def transfer(
     except (RuntimeError, AssertionError, TypeError) as error:
         raise ValueError(f"device must be one that torch has here, got {shown(device)}") from error
     gamma = (settings.learner if isinstance(settings, FineTuning) else settings).gamma
-    name, sources = _name("transfer", seed), sources.detach().cpu()
+    name, sources = stream_name("transfer", seed), sources.detach().cpu()
     shared = sources.expand(len(envs), *sources.shape)
     steps = torch.zeros(len(envs), dtype=torch.int64)
-    play = partial(_play, envs, q, episodes=trials, name=f"{name} trial", gamma=gamma)
+    bar = tqdm(total=iterations, unit=" steps", disable=not progress)
+    play = partial(_play, envs, q, episodes=trials, name=f"{name} trial", gamma=gamma, bar=bar)
     if trials:
         plays = [play(weights=source) for source in shared.split(1, 1)]
         steps += sum(length for _, length in plays)
         returns = torch.stack([episodes for episodes, _ in plays], 1)
         order = torch.argsort(-returns.mean(2), dim=1, stable=True)
         shared = shared.gather(1, order.unsqueeze(2).expand_as(shared))
-    episodes, rng = _episodes(envs, q, name, gamma), Rng(name, range(len(envs)))
+    episodes, rng = episodes_of(envs, q, name, gamma), Rng(name, range(len(envs)))
     agent = settings.agent(q, shared.to(place), episodes.obs_dim, rng)
-    learned = _learn(agent, episodes, iterations, name, callback, progress)
-    learned = evolve(learned, steps=learned.steps + steps)
-    if not trials:
-        return learned
-    last, length = play(weights=learned.weights)
+    learned = _learn(agent, episodes, iterations, name, callback, bar)
+    learned = evolve(learned, steps=learned.steps + steps, q=q, settings=settings, seed=seed)
+    try:
+        if not trials or learned.interrupted:
+            return learned
+        last, length = play(weights=learned.weights)
+    except KeyboardInterrupt:
+        return evolve(learned, interrupted=True)
+    finally:
+        bar.close()
     gain = last - returns[torch.arange(len(envs)), order[:, 0]]
     improved = gain.mean(1) >= gain.std(1, correction=0) / (trials - 1) ** 0.5
     weights = torch.where(improved.view(-1, 1, 1), learned.weights, shared[:, :1])
@@ -179,26 +165,46 @@ def transfer(
 
 
 @arithmetic()
-def evaluate(
+def resume(
+    learned: Learned,
     envs: Sequence[gymnasium.Env],
-    q: QFunction,
-    weights: Tensor,
-    episodes: int = 20,
+    iterations: int,
     *,
-    gamma: float = 0.99,
-    seed: int = 0,
-) -> Tensor:
-    """Discounted returns (R, episodes) of greedy policies on fresh episodes.
+    callback: Callback | None = None,
+    progress: bool = False,
+) -> Learned:
+    """Learn on from what was learned, with its settings: its means take the sources' place.
 
-    The values of C weight vectors of weights (R, C, d) are averaged. Raises as ``solve``.
+    The replay memory and the optimiser begin anew, and exploration goes on where it ended; nothing
+    is tried. Raises as ``solve``, and ValueError where ``learned`` does not know its Q-function.
     """
-    check_whole("episodes", episodes)
-    check_between("gamma", gamma, 0, 1)
-    check_kind("envs", envs, Sequence)
-    check_kind("q", q, QFunction)
-    check_kind("weights", weights, Tensor)
-    check_weights("weights", weights, len(envs), "component", q.d)
-    return _play(envs, q, weights, episodes, _name("evaluate", seed), gamma)[0]
+    check_kind("learned", learned, Learned)
+    check_whole("iterations", iterations)
+    check_kind("callback", callback, Callable | None)
+    q, settings, gamma = learned.q, learned.settings, learned.gamma
+    name = f"{stream_name('resume', learned.seed)} after {int(learned.steps.max())}"
+    episodes, rng = episodes_of(envs, q, name, gamma), Rng(name, range(len(envs)))  # type: ignore[arg-type]
+    check_weights("envs", learned.weights, len(envs), "component", q.d)  # type: ignore[union-attr]
+    weights = learned.weights
+    if isinstance(settings, MellowTDSettings | DDQNSettings):
+        settings, weights = evolve(settings, epsilon_start=settings.epsilon_end), weights[:, 0]
+    agent = settings.agent(q, weights, episodes.obs_dim, rng)
+    with tqdm(total=iterations, unit=" steps", disable=not progress) as bar:
+        more = _learn(agent, episodes, iterations, name, callback, bar)
+    return evolve(
+        more,
+        iterations=torch.cat([learned.iterations, more.iterations + int(learned.steps.max())]),
+        returns=torch.cat([learned.returns, more.returns], 1),
+        steps=learned.steps + more.steps,
+        **{x: getattr(learned, x) for x in ("q", "settings", "seed")},
+    )
+
+
+def check_trials(trials: object) -> None:
+    """Raise ValueError for a number of trials that has no standard error."""
+    check_whole("trials", trials, 0)
+    if trials == 1:
+        raise ValueError("trials must be 0 or at least 2, got 1: one has no standard error")
 
 
 def _play(
@@ -208,54 +214,16 @@ def _play(
     episodes: int,
     name: str,
     gamma: float,
+    bar: Any,
 ) -> tuple[Tensor, Tensor]:
     """Greedy returns (R, episodes) of weights (R, C, d), and steps (R,) played to get them."""
-    play, count = _episodes(envs, q, name, gamma), torch.zeros(len(envs), dtype=torch.int64)
-    steps, since = torch.zeros_like(count), torch.zeros_like(count)
-    running, discount = torch.zeros(len(envs)), torch.ones(len(envs))
-    returns = torch.zeros(len(envs), episodes)
-    while bool((count < episodes).any()):
-        action = q.q(weights, q.prepare(play.obs.unsqueeze(1))).mean(1)[..., 0].argmax(-1)
-        running += discount * play.step(action).reward
-        discount *= gamma
-        steps += count < episodes
-        since += 1
-        for row in (play.fresh & (count < episodes)).nonzero().flatten().tolist():
-            returns[row, count[row]] = running[row]
-            count[row] += 1
-        running[play.fresh], discount[play.fresh], since[play.fresh] = 0.0, 1.0, 0
-        if int(since.max()) > LONGEST:
-            fault = f"an episode has not ended after {LONGEST:,} steps"
-            raise ValueError(f"{fault}: gymnasium.wrappers.TimeLimit ends it")
-    return returns, steps
 
+    def tick() -> None:
+        bar.total += 1
+        bar.update()
 
-def _name(task: str, seed: int) -> str:
-    check_whole("seed", seed, 0)
-    return f"{task} {seed}"
-
-
-def _episodes(envs: Sequence[gymnasium.Env], q: QFunction, name: str, gamma: float) -> GymEpisodes:
-    check_kind("envs", envs, Sequence)
-    check_kind("q", q, QFunction)
-    if len({id(getattr(env, "unwrapped", env)) for env in envs}) < len(envs):
-        raise ValueError("each run needs an environment of its own, one is given twice")
-    limit, runs = np.iinfo(np.int32).max, range(len(envs))
-    seeds = [int(generator(name, run, "environment").integers(limit)) for run in runs]
-    episodes = GymEpisodes(envs, seeds, gamma)
-    try:
-        # weights of many sizes, because weights of zero would hide what a unit draws
-        w, obs = torch.linspace(-1, 1, q.d).view(1, 1, -1), episodes.obs[:1].unsqueeze(1)
-        values, repeated = (q.q(w, q.prepare(obs)) for _ in range(2))
-    except Exception as error:  # a user's Q-function may raise anything
-        raise ValueError(f"the Q-function cannot value an observation: {error}") from error
-    same = values.shape == repeated.shape
-    if not (same and torch.allclose(values, repeated, 1e-4, 1e-4, equal_nan=True)):
-        raise ValueError("the Q-function must give the same values each time, it draws others")
-    if not values.shape[2] == q.n_actions == episodes.n_actions:
-        counts = f"{episodes.n_actions} actions, got {q.n_actions} and {values.shape[2]} values"
-        raise ValueError(f"the Q-function must have the environments' {counts}")
-    return episodes
+    played = greedy_episodes(envs, q, weights, episodes, name, gamma, tick)
+    return played.returns, played.lengths.sum(1)
 
 
 def _learn(
@@ -264,20 +232,23 @@ def _learn(
     iterations: int,
     name: str,
     callback: Callback | None,
-    progress: bool,
+    bar: Any,
 ) -> Learned:
     runs, times, returns = len(agent.mu), [], []
     names, done = [f"run {r} of {name}" for r in range(runs)], 0
-    loop = islice(iterate(agent, episodes), iterations)
-    for t in tqdm(loop, total=iterations, disable=not progress):
-        done = t
-        if t % EVERY == 0:
-            check_finite(agent.mu, names, t)
-            times.append(t)
-            returns.append(episodes.returns.mean(before=torch.nan))
-            answer = None if callback is None else callback(t, returns[-1])
-            if answer is not None and not answer:  # NumPy's and torch's False, too
-                break
+    interrupted = False
+    try:
+        for t in islice(iterate(agent, episodes), iterations):
+            done = t
+            bar.update()
+            if t % EVERY == 0:
+                check_finite(agent.mu, names, t)
+                times.append(t)
+                returns.append(episodes.returns.mean(before=torch.nan))
+                if not _goes_on(callback, t, returns[-1], agent.mu):
+                    break
+    except KeyboardInterrupt:
+        interrupted = True
     check_finite(agent.mu, names, done)
     mu = agent.mu.detach().cpu().clone()
     factors = None
@@ -292,4 +263,12 @@ def _learn(
         improved=torch.ones(runs, dtype=torch.bool),
         mu=None if factors is None else mu,
         scale_tril=factors,
+        first_action=episodes.first_action,
+        interrupted=interrupted,
     )
+
+
+def _goes_on(callback: Callback | None, t: int, returns: Tensor, mu: Tensor) -> bool:
+    """Whether a callback lets the learning go on; NumPy's and torch's False end it, too."""
+    answer = None if callback is None else callback(t, returns, mu.detach().cpu().clone())
+    return answer is None or bool(answer)

@@ -8,7 +8,7 @@ each of R runs. Observations are (R, B, obs_dim) and shared by the K vectors. Va
 
 from collections.abc import Callable, Sequence
 from itertools import pairwise
-from typing import Protocol, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 import torch
@@ -46,6 +46,28 @@ def greedy(q: QFunction, w: Tensor, obs: Tensor) -> Tensor:
     return q.q(w, q.prepare(obs.unsqueeze(1)))[:, 0, :, 0].argmax(-1)
 
 
+def described(q: QFunction) -> dict[str, Any]:
+    """What a file says of a Q-function, in plain numbers and words."""
+    about = {"kind": type(q).__name__, "d": q.d, "n_actions": q.n_actions}
+    return about | getattr(q, "sizes_of_parts", lambda: {})()
+
+
+def from_description(about: dict[str, Any], q: QFunction | None = None) -> QFunction:
+    """The Q-function of a description; only the code of a module or one's own has to be given.
+
+    Raises ValueError where it is missing, or another.
+    """
+    kind = about["kind"]
+    if q is None and kind == "MLP":
+        return MLP(about["sizes"])
+    if q is None and kind == "RBFLinear":
+        return RBFLinear(torch.tensor(about["centers"]), about["variance"], about["n_actions"])
+    own = None if q is None else described(q)
+    if own != about:
+        raise ValueError(f"q must be the saved {shown(about)}, got {shown(own)}")
+    return q  # type: ignore[return-value]
+
+
 class RBFLinear:
     """Linear in Gaussian radial bases on a square grid, normalised to sum to one, no bias.
 
@@ -61,6 +83,10 @@ class RBFLinear:
         self.d = n_actions * len(centers) ** 2
         self._centers = centers
         self._rate = 0.5 / variance
+
+    def sizes_of_parts(self) -> dict[str, Any]:
+        """Centres and variance, for a file."""
+        return {"centers": self._centers.tolist(), "variance": 0.5 / self._rate}
 
     def prepare(self, obs: Tensor) -> Tensor:
         """Features (R, m * m, B), one column per observation of (R, B, 2)."""
@@ -96,13 +122,19 @@ class MLP:
     """
 
     def __init__(self, sizes: Sequence[int]) -> None:
-        whole = isinstance(sizes, Sequence) and all(type(x) in (int, np.int64) for x in sizes)
+        whole = isinstance(sizes, Sequence) and all(
+            isinstance(x, int | np.integer) and not isinstance(x, bool) for x in sizes
+        )
         if not whole or len(sizes) < 2 or min(sizes) < 1:
             raise ValueError(f"sizes must list at least two positive layer sizes: {shown(sizes)}")
         self.sizes = tuple(map(int, sizes))
         self._layers = list(pairwise(self.sizes))
         self.n_actions, self.width = self.sizes[-1], max(self.sizes)
         self.d = sum(out * (into + 1) for into, out in self._layers)
+
+    def sizes_of_parts(self) -> dict[str, Any]:
+        """The layers' sizes, for a file."""
+        return {"sizes": list(self.sizes)}
 
     def prepare(self, obs: Tensor) -> Tensor:
         """Observations (R, B, obs_dim) as columns (R, obs_dim + 1, B) that end in a one."""
@@ -189,29 +221,43 @@ def _shallow_gradients(
 class ModuleQ:
     """Any torch.nn.Module from observations (B, obs_dim) to values (B, A), by torch.func.
 
-    The module's parameters, flattened in the order of ``named_parameters``, are the weights; the
-    module itself is only read. Slower than by hand. Raises ValueError for buffers and dropout.
+    The module's parameters, flattened in the order of ``named_parameters``, are the weights, but
+    for those that require no gradient, which stay as they are; the module itself is only read.
+    Slower than by hand. Raises ValueError for buffers, dropout and layers without sizes.
     """
 
     def __init__(self, module: nn.Module, n_actions: int) -> None:
-        n_actions = int(n_actions) if isinstance(n_actions, np.int64) else n_actions
         check_whole("n_actions", n_actions)
         check_kind("module", module, nn.Module)
         if buffers := [name for name, _ in module.named_buffers()]:
             raise ValueError(f"module must have no buffers, it has {', '.join(buffers)}")
         if any(isinstance(part, nn.modules.dropout._DropoutNd) for part in module.modules()):
             raise ValueError("module must give the same values each time, it has dropout")
-        self.n_actions = n_actions
+        if lazy := [x for x, p in module.named_parameters() if nn.parameter.is_lazy(p)]:
+            rule = "module must know its sizes: call it once before"
+            raise ValueError(f"{rule}, got lazy {', '.join(lazy)}")
+        self.n_actions = int(n_actions)
         self._module = module
-        self._shapes = {name: p.shape for name, p in module.named_parameters()}
+        trained = [(name, p) for name, p in module.named_parameters() if p.requires_grad]
+        self._shapes = {name: p.shape for name, p in trained}
         if not self._shapes:
-            raise ValueError("module must have parameters, it has none")
+            raise ValueError("module must have parameters that require gradients, it has none")
         self.width = max(shape[:1].numel() for shape in self._shapes.values())
         self.d = sum(shape.numel() for shape in self._shapes.values())
 
+    def sizes_of_parts(self) -> dict[str, Any]:
+        """The shapes of the weights, for a file."""
+        return {"shapes": {name: list(shape) for name, shape in self._shapes.items()}}
+
     def flatten(self, module: nn.Module) -> Tensor:
         """The weights (d,) of a module of the same shape, such as a solved source's network."""
-        return torch.cat([p.detach().reshape(-1) for _, p in module.named_parameters()])
+        check_kind("module", module, nn.Module)
+        parts = dict(module.named_parameters())
+        own = {name: p.shape for name, p in parts.items() if name in self._shapes}
+        if own != self._shapes:
+            need = ", ".join(f"{name} {tuple(shape)}" for name, shape in self._shapes.items())
+            raise ValueError(f"module must have the parameters {need}, got {shown(module)}")
+        return torch.cat([parts[name].detach().reshape(-1).float() for name in self._shapes])
 
     def prepare(self, obs: Tensor) -> Tensor:
         """Observations as they are."""

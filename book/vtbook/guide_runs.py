@@ -17,8 +17,8 @@ from attrs import frozen
 
 from vtlab import store
 from vtlab.permutation import same_distribution_p
+from vtlib import evaluate, solve, transfer
 from vtlib.baselines import DDQNSettings, FineTuning, MellowTDSettings
-from vtlib.gym_runs import evaluate, solve, transfer
 from vtlib.qfunctions import MLP
 from vtlib.rng import generator
 from vtlib.stats import difference_interval
@@ -123,7 +123,9 @@ def solved(name: str, stored: store.Arrays | None) -> store.Arrays:
     envs = [kind.make(x) for x in kind.sources]
     if stored is None:
         half = MellowTDSettings(epsilon_steps=kind.solving // 2, minibatch=100)
-        weights = solve(envs, kind.q, kind.solving, kind.solver or half, seed=SEED).weights
+        weights = solve(
+            envs, kind.q, kind.solving, kind.solver or half, trials=0, seed=SEED
+        ).weights
     else:
         weights = torch.from_numpy(stored["weights"]).unsqueeze(1)
     own = evaluate(envs, kind.q, weights, seed=SEED).mean(1)
@@ -144,7 +146,7 @@ def judge(name: str, parameter: float, sources: torch.Tensor, runs: int) -> stor
         envs, kind.q, sources[[best]], kind.learning, FineTuning(TUNING), trials=0, seed=SEED
     )
     ours = transfer(envs, kind.q, sources, kind.learning, seed=SEED)
-    nothing = solve(envs, kind.q, kind.learning, seed=SEED)
+    nothing = solve(envs, kind.q, kind.learning, trials=0, seed=SEED)
     return {
         "sources": alone,
         "from nothing": earned(nothing.weights),
