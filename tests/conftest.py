@@ -143,7 +143,7 @@ def run_cells(name: str) -> dict:
         # only for as long as they run: other tests need the package itself
         patch.setitem(sys.modules, "myst_nb", SimpleNamespace(glue=lambda *_, **__: None))
         patch.setattr("vtbook.page.display", lambda *_, **__: None)
-        patch.setattr(widgets, "still_sliders", lambda axes, picture: (axes, picture))
+        patch.setattr(widgets, "still_sliders", lambda axes, picture, *_: (axes, picture))
         names: dict = {}
         page = (ROOT / "book" / f"{name}.md").read_text(encoding="utf-8")
         cells = CELL.findall(page)

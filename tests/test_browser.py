@@ -157,3 +157,31 @@ def test_the_race_stands_still_at_its_end_for_those_who_want_no_motion(address, 
     assert page.evaluate(STEP) == 5000
     page.locator(".race button").click()
     page.wait_for_function(f"{STEP} > 0 && {STEP} < 5000")
+
+
+def test_the_corridor_is_drawn_acted_and_updated_by_keys(address, page):
+    page.emulate_media(reduced_motion="reduce")
+    page.goto(f"{address}/book/introduction.html", wait_until="load")
+    band = page.locator(".corridor polygon")
+    before, said = band.get_attribute("points"), page.locator(".corridor .said")
+    for button in ("update", "draw", "act"):  # the first has nothing to learn from
+        page.locator(f".corridor button[value={button}]").press("Enter")
+        assert band.get_attribute("points") == before
+    assert "treasure" in said.inner_text()
+    page.locator(".corridor button[value=update]").press("Enter")
+    assert band.get_attribute("points") != before
+    page.locator(".corridor button[value=again]").press("Enter")
+    assert band.get_attribute("points") == before
+
+
+def test_claims_are_filtered_by_verdict_and_page(address, page):
+    page.goto(f"{address}/book/scorecard.html", wait_until="load")
+    shown, count = page.locator(".scorecard details:visible"), page.locator(".scorecard output")
+    every = shown.count()
+    page.select_option(".scorecard select[name=verdict]", "not reproduced")
+    assert 0 < shown.count() < every
+    assert count.inner_text() == f"{shown.count()} claims"
+    page.select_option(".scorecard select[name=page]", "mazes")
+    assert shown.count() == 1
+    shown.locator("summary").press("Enter")
+    assert page.locator(".scorecard table:visible").count() == 1

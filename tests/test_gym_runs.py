@@ -173,36 +173,6 @@ def test_a_callback_is_told_and_ends_the_learning_of_returns_known_once_an_episo
     assert torch.isnan(learned.returns[1]).all()
 
 
-class Watched(gym.Wrapper):
-    """A corridor that notes with how many threads its steps are taken."""
-
-    def __init__(self) -> None:
-        super().__init__(Corridor())
-        self.threads = set()
-
-    def step(self, action):
-        self.threads.add(torch.get_num_threads())
-        return super().step(action)
-
-
-@pytest.mark.parametrize(
-    "call",
-    [
-        partial(solve, q=Q, iterations=10),
-        partial(transfer, q=Q, sources=SOURCES, iterations=10, trials=2),
-        partial(evaluate, q=Q, weights=SOURCES[:1, None]),
-    ],
-)
-def test_each_call_computes_with_one_thread_and_leaves_what_was_set(call):
-    before, env = torch.get_num_threads(), Watched()
-    torch.set_num_threads(2)
-    try:
-        call([env])
-        assert (env.threads, torch.get_num_threads()) == ({1}, 2)
-    finally:
-        torch.set_num_threads(before)
-
-
 @pytest.mark.parametrize("shown", [True, False])
 def test_a_bar_is_shown_on_request_alone(shown, capsys):
     transfer([Corridor()], Q, SOURCES[:2], 30, TRANSFER, trials=2, progress=shown)

@@ -102,11 +102,6 @@ def test_where_an_address_is_set_the_first_cell_installs_from_it(extension):
     assert {tag for x in (said, cell) for tag in x.metadata["tags"]} == {"needs"}
 
 
-@pytest.mark.parametrize(("seconds", "words"), [(1, "10"), (5, "20"), (38, "50"), (100, "2")])
-def test_a_page_says_how_long_it_takes_with_the_start_of_its_kernel(extension, seconds, words):
-    assert extension("notebooks").in_words(seconds).split()[0] == words
-
-
 @pytest.fixture
 def copies(extension, tmp_path, monkeypatch):
     """A built notebook and a text, and a call that copies them."""

@@ -25,12 +25,9 @@ class Gaussian(NamedTuple):
 
 
 class Precision(NamedTuple):
-    """A precision matrix scale * (I - W W^T), with W (..., d, r) of few columns, or None.
+    """A precision matrix scale * (I - W W^T), with W (..., d, r) of few columns, or None."""
 
-    scale: a number for all runs, or one for each, (..., 1, 1).
-    """
-
-    scale: float | Tensor
+    scale: float
     W: Tensor | None = None
 
     def times(self, x: Tensor) -> Tensor:
@@ -42,20 +39,18 @@ class Precision(NamedTuple):
     def diagonal(self, d: int) -> Tensor:
         """The diagonal, (..., d)."""
         if self.W is None:
-            return torch.full((d,), float(self.scale))
-        scale = self.scale.squeeze(-1) if isinstance(self.scale, Tensor) else self.scale
-        return scale * (1 - self.W.square().sum(-1))
+            return torch.full((d,), self.scale)
+        return self.scale * (1 - self.W.square().sum(-1))
 
 
 class Start(NamedTuple):
     """Where a posterior starts: C Gaussians for each run, which share one covariance.
 
-    mu: (R, C, d). The covariance is B B^T + variance * I, with B (R, d, S) or None for no spread;
-    variance is a number for all runs, or one for each, (R, 1, 1).
+    mu: (R, C, d). The covariance is B B^T + variance * I, with B (R, d, S) or None for no spread.
     """
 
     mu: Tensor
-    variance: float | Tensor
+    variance: float
     spread: Tensor | None = None
 
 
@@ -69,7 +64,7 @@ class GaussianPrior:
     def __init__(self, sources: Tensor, jitter: float = PRIOR_JITTER, ddof: int = 0) -> None:
         mu, self._spread = sources_mean_and_spread(sources, ddof)
         self.mu = mu.unsqueeze(1)
-        self._jitter: float | Tensor = jitter
+        self._jitter = jitter
         self.precision = low_rank_precision(self._spread, jitter)
 
     def start(self, components: int, init: str) -> Start:
@@ -125,8 +120,8 @@ def sources_mean_and_spread(sources: Tensor, ddof: int = 0) -> tuple[Tensor, Ten
     return mu, spread
 
 
-def covariance_factor(spread: Tensor, jitter: float | Tensor) -> Tensor:
-    """Cholesky factor (..., d, d) of B B^T + jitter * I, from B (..., d, S), jitter (..., 1, 1).
+def covariance_factor(spread: Tensor, jitter: float) -> Tensor:
+    """Cholesky factor (..., d, d) of B B^T + jitter * I, from B (..., d, S).
 
     Raises ValueError when rounding spoils it.
     """
@@ -137,14 +132,12 @@ def covariance_factor(spread: Tensor, jitter: float | Tensor) -> Tensor:
     # where in 16 bytes a matrix begins.
     size = 2 * max(1, DOUBLES // d**2 // 2)
     parts = factors.view(-1, d, d).split(size)
-    jitters = torch.as_tensor(jitter, dtype=torch.double, device=spread.device)
-    jitters = jitters.expand(*batch, 1, 1).reshape(-1, 1)
     spreads = spread.reshape(-1, d, count).split(size)
     try:
-        for narrow, variance, part in zip(spreads, jitters.split(size), parts, strict=True):
+        for narrow, part in zip(spreads, parts, strict=True):
             wide = narrow.double()
             covariance = wide @ wide.mT
-            covariance.diagonal(dim1=-2, dim2=-1).add_(variance)
+            covariance.diagonal(dim1=-2, dim2=-1).add_(jitter)
             part.copy_(torch.linalg.cholesky(covariance, out=covariance))
     except torch.linalg.LinAlgError as error:  # type: ignore[attr-defined]  # documented, not typed
         raise too_far_apart(spread) from error
@@ -153,8 +146,8 @@ def covariance_factor(spread: Tensor, jitter: float | Tensor) -> Tensor:
     return factors
 
 
-def low_rank_precision(spread: Tensor, jitter: float | Tensor) -> Precision:
-    """Inverse of B B^T + jitter * I from B (..., d, S), jitter (..., 1, 1), never d x d.
+def low_rank_precision(spread: Tensor, jitter: float) -> Precision:
+    """Inverse of B B^T + jitter * I from B (..., d, S), never d x d.
 
     Raises ValueError when rounding spoils it.
     """
@@ -162,8 +155,7 @@ def low_rank_precision(spread: Tensor, jitter: float | Tensor) -> Precision:
         left, singular, _ = torch.linalg.svd(spread.double(), full_matrices=False)
     except torch.linalg.LinAlgError as error:  # type: ignore[attr-defined]  # documented, not typed
         raise too_far_apart(spread) from error
-    variance = jitter.squeeze(-1) if isinstance(jitter, Tensor) else jitter
-    shrink = (singular**2 / (singular**2 + variance)).sqrt()
+    shrink = (singular**2 / (singular**2 + jitter)).sqrt()
     W = (left * shrink.unsqueeze(-2)).to(spread.dtype)
     if not W.isfinite().all():  # the decomposition of an infinite spread may raise nothing
         raise too_far_apart(spread)

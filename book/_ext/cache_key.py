@@ -24,7 +24,8 @@ def dependencies(root: Path) -> Iterator[Path]:
     yield root / "requirements.txt"
     results = Path(os.environ.get("VTLIB_RESULTS", root / "book" / "results"))
     static = root / "book" / "_static"
-    panels = (path for name in ("trainer", "race") for path in static.glob(f"{name}*"))
+    kinds = "trainer", "stage", "race", "corridor", "scorecard"
+    panels = (path for kind in kinds for path in static.glob(f"{kind}*"))
     # the guide's results are always the book's
     names = "vtlib", "book/vtlab", "book/vtbook", "book/published", "book/results/guide"
     code = (path for name in names for path in (root / name).rglob("*"))

@@ -194,16 +194,30 @@ def in_words(seconds: float) -> str:
     return f"{math.ceil(whole / 60)} minutes"
 
 
+def online(address: str, name: str) -> dict[str, str]:
+    """Addresses where a reader runs a page without installing anything, of a book on GitHub."""
+    owner = re.fullmatch(r"https://github\.com/([^/]+/[^/]+?)(\.git)?/?", address)
+    if owner is None:
+        return {}
+    return {
+        "on Binder": f"https://mybinder.org/v2/gh/{owner[1]}/HEAD?urlpath=lab/tree/notebooks/{name}",
+        "in Codespaces": f"https://codespaces.new/{owner[1]}",
+    }
+
+
 def add_note(app: Any, doctree: nodes.document, docname: str) -> None:
-    """Say under the title how long the page takes, with a link to its notebook."""
+    """Say under the title how long the page takes, with links to its notebook and where it runs."""
     data = NbMetadataCollector.get_exec_data(app.env, docname)
     title = doctree.next_node(nodes.title)
     if not data or data.get("runtime") is None or title is None:
         return
     note = nodes.paragraph(classes=["page-note"])
     note += nodes.Text(f"Takes about {in_words(data['runtime'])} to run as a ")
-    to = f"{'../' * docname.count('/')}{FOLDER}/{file_name(app.env, docname)}"
+    name = file_name(app.env, docname)
+    to = f"{'../' * docname.count('/')}{FOLDER}/{name}"
     note += nodes.reference("", "notebook", refuri=to, internal=False)
+    for place, to in online(app.config.html_theme_options.get("repository_url", ""), name).items():
+        note += [nodes.Text(", "), nodes.reference("", place, refuri=to, internal=False)]
     note += nodes.Text(".")
     title.parent.insert(title.parent.index(title) + 1, note)
 

@@ -35,6 +35,27 @@ document.addEventListener("DOMContentLoaded", () => {
   }
 });
 
+/* No line ends within the name of an algorithm, such as 1-MGVT. */
+document.addEventListener("DOMContentLoaded", () => {
+  const apart = "code, pre, script, select, style, svg, .math, .race, .trainer";
+  const article = document.querySelector(".bd-article") ?? document.createElement("div");
+  const texts = document.createTreeWalker(article, NodeFilter.SHOW_TEXT);
+  const found = [];
+  while (texts.nextNode()) {
+    const text = texts.currentNode;
+    if (/\d-MGVT/.test(text.data) && !text.parentElement.closest(apart)) found.push(text);
+  }
+  for (const text of found) {
+    const parts = text.data.split(/\b(\d-MGVT)\b/).map((part, at) => {
+      if (at % 2 === 0) return part;
+      const whole = Object.assign(document.createElement("span"), { className: "whole" });
+      whole.append(part);
+      return whole;
+    });
+    text.replaceWith(...parts);
+  }
+});
+
 /* The sliders' script asks MathJax 2 to typeset its labels; this answers with MathJax 3. */
 (function () {
   let mathjax = window.MathJax;

@@ -2,25 +2,33 @@
    here are the prior, what is read off a run, and the messages to and from the panel. */
 "use strict";
 
-const WEIGHTS = 484, ROW = 496, CELLS = 20, GRID = 11, WALLS = 2;
-const PLACES = ["settings", "means", "sources", "precision", "factors", "reached"];
+const PLACES = ["settings", "means", "sources", "precision", "factors", "reached", "observation"];
 
-/* Pool of sources (count x 484) from bytes, each source with its own scale. */
-function decodePool(bytes, scales) {
+/* Pool of sources (count x weights) from integers, each source with its own scale. */
+function decodePool(integers, scales) {
+  const d = integers.length / scales.length;
   return Array.from(scales, (scale, j) =>
-    Float32Array.from(bytes.subarray(j * WEIGHTS, (j + 1) * WEIGHTS), (x) => x * scale));
+    Float32Array.from(integers.subarray(j * d, (j + 1) * d), (x) => x * scale));
 }
 
-/* Distinct indices below size, drawn by a seed. Source of the generator: mulberry32. */
-function choose(size, count, seed) {
+/* A function that gives another number in [0, 1) at each call. Source of the generator: mulberry32. */
+function uniforms(seed) {
   let state = seed;
-  const uniform = () => {
+  return () => {
     state = (state + 0x6d2b79f5) | 0;
     let x = Math.imul(state ^ (state >>> 15), 1 | state);
     x = (x + Math.imul(x ^ (x >>> 7), 61 | x)) ^ x;
     return ((x ^ (x >>> 14)) >>> 0) / 2 ** 32;
   };
-  const all = Array.from({ length: size }, (_, i) => i);
+}
+
+/* Standard normal numbers from such a function. Source: Box and Muller (1958). */
+const normals = (count, uniform) => Array.from({ length: count }, () =>
+  Math.sqrt(-2 * Math.log(1 - uniform())) * Math.cos(2 * Math.PI * uniform()));
+
+/* Distinct indices below size, drawn by a seed. */
+function choose(size, count, seed) {
+  const uniform = uniforms(seed), all = Array.from({ length: size }, (_, i) => i);
   return Array.from({ length: Math.min(count, size) },
     () => all.splice(Math.floor(uniform() * all.length), 1)[0]);
 }
@@ -57,38 +65,17 @@ function gaussianPrior(sources, jitter, variance, ddof) {
     }));
   }
   const covariance = (i, j) => B.reduce((total, b) => total + b[i] * b[j], i === j ? variance : 0);
-  return { mean, W, factor: cholesky(WEIGHTS, covariance) };
+  return { mean, W, factor: cholesky(mean.length, covariance) };
 }
 
-/* The radial bases that are not zero at a position, as [index, share]. */
-function features(position) {
-  const axes = position.map((at) => {
-    const bases = Array.from({ length: GRID }, (_, i) => Math.exp(-4.5 * (at - i) ** 2));
-    const total = bases.reduce((a, b) => a + b);
-    return bases.map((b, i) => [i, b / total]).filter(([, share]) => share > 1e-7);
-  });
-  return axes[0].flatMap(([i, x]) => axes[1].map(([j, y]) => [i * GRID + j, x * y]));
-}
-
-/* Variance of a weighted sum of the weights from an index on, under the factor of their covariance. */
-function varianceOf(factor, shares, from) {
-  const along = new Float64Array(WEIGHTS);
-  for (const [i, share] of shares) {
-    const row = from + i, start = row * WEIGHTS;
-    for (let j = 0; j <= row; j++) along[j] += share * factor[start + j];
-  }
-  let total = 0;
-  for (let j = 0; j < WEIGHTS; j++) total += along[j] * along[j];
-  return total;
-}
-
-/* One run in an instance of the kernel. fields: names of the kernel's settings, in its order; base:
-   their values, and the algorithm's name; chosen: {doors, lambda, psi, components, seed}; sources:
-   what is transferred. A learner (family 0) starts from their mean, or from zero. */
+/* One run in an instance of the kernel. setup: the kernel's fields in its order, how many weights and
+   numbers of a state there are, and how far first weights spread; base: values of those fields, and the algorithm's name; chosen: {task,
+   lambda, psi, components, seed}; sources: what is transferred. A learner (family 0) starts from their
+   mean, or without any from weights of its own. */
 class Run {
-  constructor(module, fields, base, chosen, sources) {
+  constructor(module, { fields, weights, states, arrives, spread }, base, chosen, sources) {
     this.kernel = new WebAssembly.Instance(module).exports;
-    this.path = [[0, 0]];
+    Object.assign(this, { weights, states, arrives, spread, sources, row: Math.ceil(weights / 16) * 16 });
     this.last = [];
     this.steps = this.arrival = this.episodes = 0;
     this.learning = NaN;  // mean return of the last episodes, once one has ended
@@ -96,14 +83,15 @@ class Run {
     this.settings = { ...base };
     if (base.family) Object.assign(this.settings, { lambda_: chosen.lambda, psi: chosen.psi });
     if (base.name === "MGVT") this.settings.components = chosen.components;
-    this.hand(sources);
+    this.hand(sources, uniforms(chosen.seed));
     const view = new DataView(this.kernel.memory.buffer), at = this.at("settings");
     fields.integers.forEach((name, i) => view.setInt32(at + 4 * i, this.settings[name] ?? 0, true));
     const numbers = at + 4 * fields.integers.length;
     fields.numbers.forEach((name, i) => view.setFloat32(numbers + 4 * i, this.settings[name] ?? 0, true));
     this.task = numbers + 4 * fields.numbers.length;
-    this.moveDoors(chosen.doors);
+    this.setTask(chosen.task);
     this.kernel.begin_run(chosen.seed);
+    this.path = [Array.from(this.floats("observation", states))];
   }
 
   floats(name, size, offset = 0) {
@@ -115,91 +103,105 @@ class Run {
   }
 
   /* What the run begins with: means, prior and factors. */
-  hand(sources) {
-    const { settings } = this, zero = new Float32Array(WEIGHTS);
-    const rows = (name, list) => list.forEach((row, i) => this.floats(name, WEIGHTS, i * ROW).set(row));
-    if (!this.base.family) return rows("means", [sources.length ? meanOf(sources) : zero]);
+  hand(sources, uniform) {
+    const { settings, weights } = this;
+    const rows = (name, list) => list.forEach((row, i) => this.floats(name, weights, i * this.row).set(row));
+    if (!this.base.family) {
+      const first = sources.length ? meanOf(sources) : normals(weights, uniform).map((x) => x * this.spread);
+      return rows("means", [first]);
+    }
     settings.sources = sources.length;
     if (this.base.name === "GVT") {
       const prior = gaussianPrior(sources, 1 / settings.scale, this.base.variance, this.base.ddof);
       rows("means", [prior.mean]);
       rows("sources", [prior.mean]);
       rows("precision", prior.W);
-      return this.floats("factors", WEIGHTS ** 2).set(prior.factor);
+      return this.floats("factors", weights ** 2).set(prior.factor);
     }
     const starts = Array.from({ length: settings.components }, (_, c) =>
       this.base.init === "mean" ? meanOf(sources) : sources[c % sources.length]);
     rows("means", starts);
     rows("sources", settings.equal ? [meanOf(sources)] : sources);
     if (settings.equal) settings.sources = 1;  // only their mean matters
-    const factors = this.floats("factors", starts.length * WEIGHTS ** 2);
+    const factors = this.floats("factors", starts.length * weights ** 2);
     for (let i = 0; i < factors.length; i++) {
-      if (i % WEIGHTS ** 2 % (WEIGHTS + 1) === 0) factors[i] = Math.sqrt(this.base.variance);
+      if (i % weights ** 2 % (weights + 1) === 0) factors[i] = Math.sqrt(this.base.variance);
     }
   }
 
-  moveDoors(doors) {
-    const task = new Float32Array(this.kernel.memory.buffer, this.task, WALLS + 1);
-    task.set([doors[0], doors[1] ?? 0, doors.length]);
+  setTask(numbers) {
+    new Float32Array(this.kernel.memory.buffer, this.task, numbers.length).set(numbers);
   }
 
   advance() {
     const ended = this.kernel.iterate_run();
     this.steps++;
-    this.path.push(Array.from(this.floats("reached", 2)));
-    if (ended === 2) this.arrival ||= this.steps;
+    this.path.push(Array.from(this.floats("reached", this.states)));
+    if (ended === this.arrives) this.arrival ||= this.steps;
     if (!ended) return;
     this.episodes++;
     this.learning = this.kernel.learning();
     this.last = this.path;
-    this.path = [[0, 0]];
+    this.path = [Array.from(this.floats("observation", this.states))];
   }
 
-  /* Value of the posterior's mean, and the standard deviation of the best action's Q-value, in the
-     cells of a grid, lowest row first. */
-  maps() {
-    const { components } = this.settings, C = Array.from({ length: components }, (_, c) => c);
-    C.forEach((c) => this.kernel.unpack(c));
-    const means = C.map((c) => this.floats("means", WEIGHTS, c * ROW));
-    const factors = C.map((c) => this.floats("factors", WEIGHTS ** 2, c * WEIGHTS ** 2));
-    const value = new Float32Array(CELLS ** 2), deviation = new Float32Array(CELLS ** 2);
-    for (let cell = 0; cell < CELLS ** 2; cell++) {
-      const shares = features([cell % CELLS, Math.floor(cell / CELLS)].map((i) => (i + 0.5) / 2));
-      const q = (w, action) => shares.reduce((t, [i, share]) => t + share * w[action * 121 + i], 0);
-      const values = [0, 1, 2, 3].map((a) => means.reduce((t, w) => t + q(w, a), 0) / components);
-      const top = Math.max(...values), best = values.indexOf(top);
-      let variance = 0;
-      for (const c of C) {
-        variance += (varianceOf(factors[c], shares, best * 121) + (q(means[c], best) - top) ** 2) / components;
-      }
-      value[cell] = top;
-      deviation[cell] = Math.sqrt(variance);
-    }
-    return { value, deviation };
+  /* Of each component the mean and, in rows, the factor of the covariance. */
+  components() {
+    const d = this.weights;
+    return Array.from({ length: this.settings.components }, (_, c) => {
+      this.kernel.unpack(c);
+      return { mean: this.floats("means", d, c * this.row), factor: this.floats("factors", d ** 2, c * d ** 2) };
+    });
+  }
+
+  /* Weights to drive with: the mean of what was learned, a draw from it, what was transferred, and its mean. */
+  drivers() {
+    const parts = this.components(), { mean, factor } = parts[Math.floor(Math.random() * parts.length)];
+    const d = this.weights, z = normals(d, Math.random);
+    const draw = mean.map((m, i) => {
+      for (let j = 0; j <= i; j++) m += factor[i * d + j] * z[j];
+      return m;
+    });
+    return { learned: meanOf(parts.map((part) => part.mean)), draw, mean: meanOf(this.sources), sources: this.sources };
   }
 }
 
+/* Of each learner, over its curves from several seeds, the mean, least and most at each record; of what was
+   not measured in all of them there is none. */
+function bandsOf(trainings) {
+  const over = (name, what) => trainings[0][name].map((_, i) => what(trainings.map((curves) => curves[name][i])));
+  return Object.fromEntries(Object.keys(trainings[0]).map((name) => [name, {
+    mean: over(name, (x) => x.reduce((total, y) => total + y, 0) / x.length),
+    least: over(name, (x) => Math.min(...x)), most: over(name, (x) => Math.max(...x)),
+  }]));
+}
+
 /* The runs that a panel watches, on one task from one seed, in slices of time between its commands:
-   chosen (begin anew with these numbers), doors (of the task from now on), rate (iterations a second;
-   0 to pause), steps (so many, at once). After each, and along the way, it is told where the runs are. */
+   chosen (begin anew with these numbers), task (from now on), rate (iterations a second;
+   0 to pause), steps (so many, at once), seeds (so many trainings, one after the other). After each, and along the way, it is told where the runs are. */
 class Training {
   constructor({ wasm, pool, scales, setup }, tell) {
     Object.assign(this, { setup, tell, rate: 0, looked: 0, told: 0 });
     this.module = new WebAssembly.Module(wasm);
-    this.pool = decodePool(new Int8Array(pool), scales);
+    this.pool = decodePool(pool, scales);
   }
 
-  command({ chosen, doors, rate, steps, calm }) {
+  command({ chosen, task, rate, steps, calm, drivers, seeds = 1 }) {
     if (chosen) {
+      Object.assign(this, { left: seeds, finished: [] });
       this.chosen = chosen;
       this.runs = null;  // made when needed: a dragged slider asks for many that nobody waits for
     }
-    if (doors) {
-      this.chosen = { ...this.chosen, doors };
-      Object.values(this.runs ?? {}).forEach((run) => run.moveDoors(doors));
+    if (task) {
+      this.chosen = { ...this.chosen, task };
+      Object.values(this.runs ?? {}).forEach((run) => run.setTask(task));
     }
     if (rate !== undefined) this.pace(rate, calm);
     if (steps) this.advance(steps);
+    if (drivers) {
+      if (!this.runs) this.make();
+      return this.tell({ drivers: this.runs.transfer.drivers() });
+    }
     this.waiting ??= setTimeout(() => this.tick(), 0);
   }
 
@@ -212,7 +214,7 @@ class Training {
   make() {
     const { chosen, pool, setup } = this;
     const given = choose(pool.length, chosen.sources, chosen.seed).map((i) => pool[i]);
-    const run = (name, what) => new Run(this.module, setup.fields, setup.settings[name], chosen, what);
+    const run = (name, what) => new Run(this.module, setup, setup.settings[name], chosen, what);
     this.runs = { transfer: run(chosen.family, given) };
     if (chosen.fine) this.runs.fine = run("fine", given);
     if (chosen.none) this.runs.none = run("NT", []);
@@ -231,8 +233,17 @@ class Training {
         if (run.steps % every === 0) this.curves[name].push(run.learning);
       }
     }
-    if (transfer.steps >= iterations) this.rate = 0;
+    if (transfer.steps >= iterations && this.rate) this.finish();
     return done;
+  }
+
+  /* The next seed, where several are asked for. */
+  finish() {
+    this.finished.push(this.curves);
+    this.left--;
+    if (this.left < 1) this.rate = 0;
+    else this.chosen = { ...this.chosen, seed: this.chosen.seed + 1 };
+    if (this.rate) this.make();
   }
 
   tick() {
@@ -260,19 +271,18 @@ class Training {
     this.tell({
       running, iteration: transfer.steps, episodes: transfer.episodes, arrival: transfer.arrival,
       path: transfer.path, last: transfer.last, curves: this.curves, speed: this.speed,
+      seeds: this.finished.length, bands: this.finished.length > 1 && bandsOf(this.finished),
       learning: Object.fromEntries(Object.entries(this.runs).map(([k, r]) => [k, r.learning])),
-      ...(look && { maps: transfer.maps(), greedy: transfer.kernel.greedy(10) }),
+      ...(look && { maps: typeof mapsOf === "function" && mapsOf(transfer), greedy: transfer.kernel.greedy(10) }),
     });
   }
 }
 
-if (typeof module === "undefined") {
+if (typeof WorkerGlobalScope !== "undefined") {
   let training, turn;  // of the last command: a panel need not look at what was reported before it
   onmessage = ({ data }) => {
     training ??= new Training(data, (report) => postMessage({ ...report, turn }));
     turn = data.turn;
     training.command(data);
   };
-} else {
-  module.exports = { Run, Training, choose, cholesky, decodePool, features, gaussianPrior };
 }

@@ -6,10 +6,8 @@ from itertools import islice
 
 import numpy as np
 import torch
-from attrs import evolve
 
-from vtlab import store
-from vtlab.experiment import SOURCES, Experiment, Pool
+from vtlab.experiment import Experiment, Pool
 from vtlab.registry import named
 from vtlab.run import prepare, prepare_natively
 from vtlib.rng import generator
@@ -48,9 +46,7 @@ def bound(experiment: Experiment, label: str, rate: float) -> float:
 
 
 def sources(pool: Pool) -> np.ndarray:
-    """The pool's stored weights (count, d), or random ones without them: the speed is the same."""
-    if store.exists(store.path_of(pool, SOURCES)):
-        return store.weights(pool)
+    """Random weights (count, d): the speed is that of solved ones."""
     rng = generator("bench", 0, "sources")
     return 0.1 * rng.standard_normal((pool.count, pool.family.q().d), np.float32)
 
@@ -66,14 +62,6 @@ def kernel(experiment: Experiment, label: str, iterations: int = 200) -> float |
     """The same of the kernels, one run at a time; None where they do not know the environment."""
     runs = prepare_natively(experiment, label, [0], sources(experiment.pool))
     return None if runs is None else _milliseconds(runs[0].advance, iterations)
-
-
-def in_torch(experiment: Experiment, label: str) -> Experiment:
-    """The experiment with an algorithm whose posterior is left to torch."""
-    algorithm = experiment.algorithms[label]
-    if isinstance(algorithm, Settings):
-        algorithm = evolve(algorithm, covariance="dense")
-    return evolve(experiment, algorithms={label: algorithm}, counts={})
 
 
 def _milliseconds(work: Callable[[int], object], iterations: int, repeats: int = 5) -> float:
@@ -95,15 +83,14 @@ def main() -> int:
     """Print the table: what is used first, its ratio to the bound, and the others beside it."""
     rate = sgemm_rate()
     print(f"one core, float32 matrix product: {rate / 1e9:.0f} GFLOP/s; ms per run and iteration")
-    head = ("used", "bound", "ratio", "kernel", "engine", "torch", "2018 code")
+    head = ("used", "bound", "ratio", "kernel", "engine", "2018 code")
     for name, published in PUBLISHED.items():
         (experiment,) = named(name)
         title = f"{experiment.name} (d = {experiment.family.q().d})"
         print(f"{title:28}" + "".join(f"{name:>10}" for name in head))
         for label, old in published.items():
             alone, together = kernel(experiment, label), engine(experiment, label)
-            plain = engine(in_torch(experiment, label), label, 5)
             used, least = alone or together, bound(experiment, label, rate)
-            row = (used, least, used / least, alone or float("nan"), together, plain, old)
+            row = (used, least, used / least, alone or float("nan"), together, old)
             print(f"{label:28}" + "".join(f"{x:10.3f}" for x in row), flush=True)
     return 0

@@ -19,7 +19,6 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 from matplotlib.legend import Legend
-from matplotlib.patheffects import withStroke
 from matplotlib.text import Text
 from matplotlib.typing import LineStyleType
 from PIL import Image
@@ -53,14 +52,13 @@ STYLES: dict[str, LineStyleType] = {
     "NT": (0, (1, 1)),
     "DDQN": (0, (3, 1, 1, 1, 1, 1)),
     "GVT": (0, (5, 1.5)),
-    "2-MGVT": "-.",
+    "2-MGVT": (0, (6.4, 1.6, 1, 1.6)),
     "3-MGVT": (0, (6, 1, 1, 1)),
     "fine-tuned": (0, (2, 1)),
     "fine-tuned, greedy": (0, (2, 1, 1, 1)),
     "fine-tuned mean": (0, (8, 2)),
     "recommended": (0, (12, 1)),
 }
-HALO = withStroke(linewidth=2, foreground="white")  # around a text that stands among curves
 # Set where a figure that is cut off shall fail: in the book's build and the tests. A reader gets it
 # as it is, for it may be the result of minutes.
 CHECKED = "VTLIB_CHECK_FIGURES"
@@ -93,7 +91,7 @@ class BookFigure(Figure):
 
     def _repr_png_(self) -> tuple[bytes, dict[str, str]]:
         wide, beside = self._png(), {}
-        lines = self._svg()
+        lines = self.svg()
         if len(lines) <= MOST_LINES:
             beside["vector"] = lines
         if panels_of(self):
@@ -101,28 +99,25 @@ class BookFigure(Figure):
                 beside["narrow"] = b64encode(self._png()).decode()
         return wide, beside
 
-    def _svg(self) -> str:
+    def svg(self, letters: str = "path") -> str:
+        """The figure in lines; its letters as lines, too, or "none" for the reader's own font."""
         out = io.StringIO()
         # the same text whenever it is drawn
-        with look(), mpl.rc_context({"svg.hashsalt": "vtbook"}):
+        with look(), mpl.rc_context({"svg.hashsalt": "vtbook", "svg.fonttype": letters}):
             FigureCanvasSVG(self).print_svg(out, metadata={"Date": None})
         return out.getvalue()
 
     def _png(self) -> bytes:
         raw = io.BytesIO()
-        _picture(self).save(raw, format="png", dpi=2 * (STYLE["savefig.dpi"],))
+        drawn(self).save(raw, format="png", dpi=2 * (STYLE["savefig.dpi"],))
         return raw.getvalue()
 
 
-def _picture(figure: Figure) -> Image.Image:
+def drawn(figure: Figure) -> Image.Image:
     """The figure's picture, drawn once, where ``savefig`` would lay it out and draw it twice."""
     figure.set_dpi(STYLE["savefig.dpi"])
     canvas = FigureCanvasAgg(figure)
     canvas.draw()
-    return _pixels(figure, canvas)
-
-
-def _pixels(figure: Figure, canvas: FigureCanvasAgg) -> Image.Image:
     if os.environ.get(CHECKED):
         check_inside(figure)
     return Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB")
@@ -199,7 +194,7 @@ def learning_figure(
     limits: tuple[float, float],
     title: str = "",
     width: float = 7.6,
-) -> Figure:
+) -> BookFigure:
     """Panels side by side, such as learning and greedy return, with one legend below."""
     figure = BookFigure(figsize=(width, 3.5))
     axes = figure.subplots(1, len(panels), sharey=True, squeeze=False)[0]
@@ -241,7 +236,7 @@ def returns_figure(
     kinds: Mapping[str, str] = KINDS,
     title: str = "",
     width: float = 7.6,
-) -> Figure:
+) -> BookFigure:
     """Returns {algorithm: stored ones} with the mean optimum dashed; limits of their axis.
 
     width: in inches.
@@ -272,10 +267,6 @@ def _mark_arrival(ax: Axes, at: np.ndarray, values: np.ndarray, floor: float, co
     half = int(np.sort(first)[(len(first) - 1) // 2])
     if 0 < half < len(at):
         ax.plot(at[half], 0.03, "^", color=colour, transform=ax.get_xaxis_transform(), zorder=5)
-        where, base = (at[half], 0.03), ax.get_xaxis_transform()
-        # over curves of runs, which would cross it out, and above means that stay at nothing
-        note = ax.annotate("half arrived", where, (7, 3), base, "offset points", size=8, zorder=5)
-        note.set_path_effects([HALO])
 
 
 def over_published(
@@ -347,51 +338,13 @@ def power_of_ten(value: float) -> str:
     return "10" + exponent.translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
 
 
-class Series:
-    """Figures of one panel that differ in its last curve and its title: the rest is drawn once.
-
-    The figure's own title has a line, which those of the pictures take, and another that stays.
-    """
-
-    def __init__(self, figure: Figure, curves: int) -> None:
-        _picture(figure)  # which lays it out
-        figure.set_layout_engine("none")
-        self._figure, (self._ax,) = figure, figure.axes
-        self._shade: Any = self._ax.collections[curves - 1]
-        self._line, self._ends = self._ax.lines[curves - 1], self._ax.lines[-1]
-        self._title = self._ax.set_title(self._ax.get_title(loc="left"), loc="left")
-        self._below = self._title.get_text().partition("\n")[2]
-        self._moving = self._shade, self._line, self._ends, self._title
-        for part in self._moving:
-            part.set_animated(True)
-        self._canvas = FigureCanvasAgg(figure)
-        self._canvas.draw()
-        self._rest = self._canvas.copy_from_bbox(figure.bbox)
-
-    def png(self, runs: Dataset, kind: str, title: str, colours: int) -> bytes:
-        """The figure with the returns of some runs for its last curve, as ``small_png``."""
-        at, values = runs.iteration.values, runs[kind].values
-        band = mean_interval(values)
-        around = [np.stack([at, band.low], 1), np.stack([at, band.high], 1)[::-1]]
-        self._shade.set_verts([np.concatenate(around)])
-        self._line.set_data(at, band.centre)
-        self._ends.set_ydata(values[:, -1])
-        self._title.set_text(f"{title}\n{self._below}")
-        self._canvas.restore_region(self._rest)
-        for part in self._moving:
-            self._ax.draw_artist(part)
-        return _palette_png(_pixels(self._figure, self._canvas), colours)
-
-
 def small_png(figure: Figure, colours: int = 64) -> bytes:
     """The figure as a PNG with a palette: a tenth of the bytes, for pages with many pictures."""
-    return _palette_png(_picture(figure), colours)
-
-
-def _palette_png(picture: Image.Image, colours: int) -> bytes:
     out = io.BytesIO()
     # thirty times as fast as the median cut, and as near to the colours: there are few of them
-    picture.quantize(colours, Image.Quantize.FASTOCTREE).save(out, format="png", optimize=True)
+    drawn(figure).quantize(colours, Image.Quantize.FASTOCTREE).save(
+        out, format="png", optimize=True
+    )
     return out.getvalue()
 
 

@@ -92,9 +92,8 @@ class CoverageProbe(Probe):
     def _note(self, agent: VariationalTransfer) -> dict[str, Tensor]:
         values = values_at(self._q, self._samples(agent, SAMPLES), self._obs, self._action)
         shares, off = inside(values, self._truths), (values.mean(1) - self._truths).mean(-1)
-        q = self._q.q(agent.mu.detach().cpu(), self._q.prepare(self._obs))
-        taken = self._action[:, None, None].expand(-1, q.shape[1], 1, -1)
-        apart = q.gather(2, taken).std(1, correction=0).mean((1, 2))
+        means = values_at(self._q, agent.mu.detach().cpu(), self._obs, self._action)
+        apart = means.std(1, correction=0).mean(1)
         return {"inside": shares.transpose(0, 1), "off": off.T, "apart": apart}
 
     @property

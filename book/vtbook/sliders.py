@@ -10,7 +10,8 @@ from vtbook import widgets
 from vtbook.claims import Runs
 from vtbook.experiments.grids import count_name, slider_name
 from vtbook.experiments.protocols import transfer_settings
-from vtbook.plots import Series, image_html, look, power_of_ten, returns_figure
+from vtbook.plots import look, power_of_ten, returns_figure
+from vtbook.setting_curves import Frame
 from vtbook.tables import words
 from vtlab.experiment import Experiment
 from vtlib.stats import Interval
@@ -38,7 +39,7 @@ def setting_sliders(
         numbers = [(f"{n}", n) for n in counts]
         axes.append(widgets.Axis("sources", "number of sources", numbers, len(counts) - 1))
 
-    beside, series = functools.cache(references), dict[tuple[object, ...], Series]()
+    beside, frames = functools.cache(references), dict[tuple[object, ...], Frame]()
 
     @functools.cache
     def stored(setting: Setting, count: tuple[int, ...]) -> Runs:
@@ -50,11 +51,15 @@ def setting_sliders(
         setting, usual = (lambda_, psi, posterior), (own.lambda_, own.psi, posterior)
         mine, theirs = stored(setting, count), stored(usual, count)
         text = setting_words(setting, usual, mine, theirs)
-        if (panel := (posterior, *count)) not in series:
-            series[panel] = setting_series(beside(*count), mine, posterior, grid.family.limits)
-        return f"{setting_picture(series[panel], mine, setting)}<p>{text}</p>"
+        if (panel := (posterior, *count)) not in frames:
+            name = "-".join(map(str, (grid.name, *panel)))
+            frames[panel] = setting_frame(name, beside(*count), mine, posterior, grid.family.limits)
+        return f"{setting_picture(frames[panel], mine, setting)}<p>{text}</p>"
 
-    return widgets.still_sliders(axes, picture)
+    def shared() -> str:
+        return "".join(frame.symbol for frame in frames.values())
+
+    return widgets.still_sliders(axes, picture, shared)
 
 
 def setting_words(setting: Setting, usual: Setting, mine: Runs, theirs: Runs) -> str:
@@ -89,24 +94,28 @@ def meaning(setting: Setting, usual: Setting, gap: Interval) -> str:
     return "worse, and both λ and ψ have moved"
 
 
-def setting_series(
-    references: Mapping[str, Dataset], mine: Runs, posterior: str, limits: tuple[float, float]
-) -> Series:
-    """Learning returns with one posterior, in any of its settings, over those of references."""
+def setting_frame(
+    name: str,
+    references: Mapping[str, Dataset],
+    mine: Runs,
+    posterior: str,
+    limits: tuple[float, float],
+) -> Frame:
+    """What all pictures of one posterior share: its references, axes and legend."""
     runs = {label: first_runs(x, mine.stored) for label, x in references.items()}
     runs[posterior] = mine.stored
     with look():
-        return Series(returns_figure(runs, limits, LEARNING, "λ", NARROW), len(runs))
+        figure = returns_figure(runs, limits, LEARNING, "λ", NARROW)
+        return Frame(figure, name, posterior)
 
 
-def setting_picture(series: Series, mine: Runs, setting: Setting) -> str:
-    """A setting's learning returns as an HTML picture of its posterior's series."""
+def setting_picture(frame: Frame, mine: Runs, setting: Setting) -> str:
+    """A setting's learning returns as an HTML picture in its posterior's frame."""
     (lambda_, psi, posterior), stored = setting, mine.stored
     end = float(stored.learning[:, -1].mean())
     alt = f"Learning return with lambda = {lambda_:.0e}, psi = {psi:g}, {posterior}; "
     title = f"λ = {power_of_ten(lambda_)}, ψ = {psi:g}, {posterior}"
-    png = series.png(stored, "learning", title, 32)
-    return image_html(png, f"{alt}final learning return {end:.2f}.")
+    return frame.picture(stored, "learning", title, f"{alt}final learning return {end:.2f}.")
 
 
 def first_runs(runs: Dataset, other: Dataset) -> Dataset:

@@ -1,4 +1,4 @@
-"""Numbers of all experiments that the first page, the conclusions and the scorecard quote."""
+"""Numbers of all experiments that several pages quote."""
 
 import functools
 from collections.abc import Mapping

@@ -1,7 +1,6 @@
 """Tables as HTML: claims with their verdicts, how a figure was computed, and robust numbers."""
 
 import html
-import re
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
@@ -17,9 +16,8 @@ Row = Sequence[str]
 
 
 def escape(text: str) -> str:
-    """Text for HTML, with printers' apostrophes, and names such as 1-MGVT kept in one line."""
-    text = html.escape(text).replace("&#x27;", "’")
-    return re.sub(r"\b\d-MGVT\b", r"<span class='whole'>\g<0></span>", text)
+    """Text for HTML, with printers' apostrophes."""
+    return html.escape(text).replace("&#x27;", "’")
 
 
 def html_table(head: Row, rows: Iterable[Row], caption: str = "") -> str:
@@ -52,18 +50,7 @@ def claims_table(claims: Sequence[Claim]) -> str:
     return _claims([_claim_row(x, printed) for x in claims], printed)
 
 
-def scorecard_table(pages: Mapping[str, Sequence[Claim]]) -> str:
-    """The claims of pages, by the pages' names, below a link to each page."""
-    rows = []
-    for page, claims in pages.items():
-        title = page.replace("_", " ").capitalize()
-        link = f"<a href='{page}.html#the-claims'>{title}</a>"
-        rows.append(f"<tr><th colspan='{2 + len(PROTOCOLS)}'>{link}</th></tr>")
-        rows += map(_claim_row, claims)
-    return _claims(rows)
-
-
-def _claims(rows: Iterable[str], printed: bool = True) -> str:
+def _claims(rows: Iterable[str], printed: bool) -> str:
     heads = ["Claim, and the number that decides", *PROTOCOLS.values()]
     heads += ["Published curve"] * printed
     head = "".join(f"<th scope='col'>{x}</th>" for x in heads)
@@ -72,7 +59,7 @@ def _claims(rows: Iterable[str], printed: bool = True) -> str:
     return f"<table class='claims'>{caption}{body}</table>"
 
 
-def _claim_row(claim: Claim, printed: bool = True) -> str:
+def _claim_row(claim: Claim, printed: bool) -> str:
     # The first word of the verdict is a class, by which the book colours its cell.
     cells = []
     for protocol in PROTOCOLS:

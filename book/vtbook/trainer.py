@@ -5,14 +5,18 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from attrs import evolve, frozen
 from xarray import Dataset
 
 from vtbook.browser_panel import panel, static
+from vtbook.experiments.cartpole import CARTPOLE, CARTPOLE_NOTHING
+from vtbook.experiments.mountain_car import CAR, CAR_NOTHING
+from vtbook.experiments.protocols import transfer_settings
 from vtbook.experiments.rooms import NT, NT_GREEDY, PUBLISHED_GVT, PUBLISHED_MGVT
 from vtbook.plots import COLOURS
 from vtbook.published import PublishedCurve
 from vtlab.experiment import Experiment
-from vtlab.native.build import PAGE
+from vtlab.native.build import page_module
 from vtlab.native.runs import INTEGERS, NUMBERS, kernel_settings
 from vtlab.store import weights
 from vtlib.baselines import MellowTDSettings
@@ -20,12 +24,48 @@ from vtlib.priors import SPAN_JITTER
 from vtlib.transfer import Settings
 
 INK = "currentColor"  # of what was published: a thin line in the colour of the page's text
-# As published, where the thesis' figures begin; fine-tuning hardly explores.
-ALGORITHMS: dict[str, Settings | MellowTDSettings] = {
-    "MGVT": PUBLISHED_MGVT,
-    "GVT": PUBLISHED_GVT,
-    "NT": NT,
-    "fine": NT_GREEDY,
+
+
+@frozen
+class Stage:
+    """What trains and moves: its algorithms as published, its files, and how its task changes.
+
+    Weights of networks need sixteen bits: with eight the sources of mountain car drive worse.
+    """
+
+    algorithms: dict[str, Settings | MellowTDSettings]
+    scripts: tuple[str, ...]
+    template: str
+    changes: str
+    weights: type[np.signedinteger[Any]] = np.int16
+    worker: str = ""
+
+
+def _with_networks(published: Experiment, nothing: Experiment, script: str) -> Stage:
+    """The stage of an experiment whose sources are networks; fine-tuning hardly explores."""
+    learner = nothing.algorithms["NT"]
+    assert isinstance(learner, MellowTDSettings)
+    algorithms: dict[str, Settings | MellowTDSettings] = {
+        "MGVT": transfer_settings(published, "1-MGVT"),
+        "GVT": transfer_settings(published, "GVT"),
+        "NT": learner,
+        "fine": evolve(learner, epsilon_start=learner.epsilon_end),
+    }
+    return Stage(algorithms, ("stage_drive.js", script), "stage_drive.html", "the task changes")
+
+
+# As published, where the thesis' figures begin.
+STAGES = {
+    "rooms": Stage(
+        {"MGVT": PUBLISHED_MGVT, "GVT": PUBLISHED_GVT, "NT": NT, "fine": NT_GREEDY},
+        ("stage_rooms.js",),
+        "stage_rooms.html",
+        "a door moves",
+        np.int8,
+        "stage_rooms_worker.js",
+    ),
+    "cartpole": _with_networks(CARTPOLE.published, CARTPOLE_NOTHING, "stage_cartpole.js"),
+    "mountain_car": _with_networks(CAR.published, CAR_NOTHING, "stage_mountain_car.js"),
 }
 
 
@@ -57,40 +97,60 @@ def _reference(label: str, colour: str, at: np.ndarray, values: np.ndarray) -> d
 
 def train_here(
     experiment: Experiment,
-    doors: Sequence[float],
+    task: Sequence[float],
     references: Sequence[Mapping[str, Any]] = (),
     iterations: int = 5_000,
     **start: str | float,
 ) -> str:
-    """HTML of the panel: sources of the experiment's pool, a task with doors (W,) to move.
+    """HTML of the panel: sources of the experiment's pool, and a task to change.
 
+    task: the doors (W,) of rooms, else the numbers that tell a task of the family apart.
     references: curves to draw below the reader's, each a label, a colour, iterations and values.
     start: where the family and the numbers stand at first, such as family="GVT" or sources=2.
-    The learner without transfer is the experiment's own.
+    The learner without transfer is the experiment's own, if it has one.
     """
-    nothing = experiment.algorithms.get("NT", NT)
+    family = experiment.family
+    stage, code = STAGES[family.kernel], page_module(family.kernel).read_bytes()
+    nothing = experiment.algorithms.get("NT", stage.algorithms["NT"])
     assert isinstance(nothing, MellowTDSettings)
-    sources = weights(experiment.pool)
-    scales = np.abs(sources).max(1) / 127
-    pool = np.round(sources / scales[:, None]).astype(np.int8)
-    code = PAGE.read_bytes()
+    pool, scales = quantised(weights(experiment.pool), stage.weights)
     setup = {
         "fields": {"integers": INTEGERS.split(), "numbers": NUMBERS.split()},
         "settings": {
-            name: _settings(name, s) for name, s in (ALGORITHMS | {"NT": nothing}).items()
+            name: _settings(name, s) for name, s in (stage.algorithms | {"NT": nothing}).items()
         },
         "scales": [float(f"{x:.6g}") for x in scales],
-        "doors": list(doors),
+        "bits": 8 * pool.itemsize,
+        "weights": pool.shape[1],
+        "spread": family.scale,
+        "task": list(task),
         "references": list(references),
         "start": start,
         "iterations": iterations,
         "every": iterations // 200,
         "wasm": b64encode(code).decode(),
         "pool": b64encode(pool.tobytes()).decode(),
-        "worker": static("trainer_worker.js"),
+        "worker": static("trainer_worker.js") + (stage.worker and static(stage.worker)),
     }
-    sizes = {"code": round(len(code) / 1e3), "data": round(pool.nbytes / 1e3)}
-    return panel("trainer", setup, **sizes)
+    return panel(
+        "trainer",
+        setup,
+        stage.scripts,
+        code=round(len(code) / 1e3),
+        data=round(pool.nbytes / 1e3),
+        bits=8 * pool.itemsize,
+        changes=stage.changes,
+        stage=static(stage.template),
+    )
+
+
+def quantised(
+    sources: np.ndarray, kind: type[np.signedinteger[Any]]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Weights (S, d) as little-endian integers of a kind, and the scale (S,) of each source."""
+    scales = np.abs(sources).max(1) / np.iinfo(kind).max
+    integers = np.round(sources / scales[:, None]).astype(kind)
+    return integers.astype(integers.dtype.newbyteorder("<")), scales
 
 
 def _settings(name: str, s: Settings | MellowTDSettings) -> dict[str, Any]:

@@ -53,11 +53,14 @@ def parameter_axes(thesis: Mapping[str, Settings], lambdas: Sequence[float]) -> 
     ]
 
 
-def still_sliders(axes: Sequence[Axis], picture: Callable[..., str]) -> ui.VBox:
+def still_sliders(
+    axes: Sequence[Axis], picture: Callable[..., str], shared: Callable[[], str] | None = None
+) -> ui.VBox:
     """Sliders over pictures drawn beforehand, which work without a kernel.
 
-    picture(*values) gives the HTML of one grid point. Pictures hang in nested stacks, one level
-    per axis, and each slider is linked in the browser to every stack of its level.
+    picture(*values) gives the HTML of one grid point; shared, asked for after all of them, HTML of
+    which they use parts. Pictures hang in nested stacks, one level per axis, and each slider is
+    linked in the browser to every stack of its level.
     """
     levels: list[list[ui.Stack]] = [[] for _ in axes]
 
@@ -77,7 +80,8 @@ def still_sliders(axes: Sequence[Axis], picture: Callable[..., str]) -> ui.VBox:
         for stack in stacks:
             ui.jsdlink((slider, "index"), (stack, "selected_index"))
         sliders.append(slider)
-    return ui.VBox([*sliders, panel], layout=full())
+    parts = [ui.HTML(shared())] if shared else []
+    return ui.VBox([*parts, *sliders, panel], layout=full())
 
 
 def _slider(axis: Axis) -> ui.SelectionSlider:

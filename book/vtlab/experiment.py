@@ -1,10 +1,9 @@
 """What an experiment is: frozen configurations of source pools and of runs."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from typing import Any, ClassVar, Protocol, runtime_checkable
 
 import attrs
-import numpy as np
 from attrs import Factory, field, frozen
 from torch import Tensor
 
@@ -12,7 +11,6 @@ from vtlab.envs.base import TaskFamily
 from vtlib import checks
 from vtlib.baselines import MellowTDSettings
 from vtlib.checks import check_kind, check_name, check_one_of, check_whole, shown
-from vtlib.episodes import Tasks
 from vtlib.qfunctions import QFunction
 from vtlib.rng import Rng
 from vtlib.training import FINGERPRINTS, Agent
@@ -77,21 +75,6 @@ class Pool:
             raise ValueError(f"settings must not transfer, got {shown(self.settings)}")
 
 
-class Probe(Protocol):
-    """What looks at an agent at each record."""
-
-    def look(self, agent: Any) -> None:
-        """Note what the agent is like now."""
-
-    @property
-    def arrays(self) -> dict[str, np.ndarray]:
-        """The notes, over the runs, which are stored with the returns."""
-
-
-#: Makes a probe from an experiment, the label of an algorithm, some runs and their tasks.
-ProbeMaker = Callable[["Experiment", str, Sequence[int], Tasks], Probe]
-
-
 @frozen
 class Experiment:
     """A figure's runs: targets from ``family``, ``sources`` of ``pool`` drawn for each run.
@@ -100,9 +83,11 @@ class Experiment:
     share targets, sources and random numbers run by run. Each ``runs_per_task`` consecutive runs
     have one target. ``counts`` names algorithms that use only the first so many of a run's sources;
     ``excluded`` are sources that no run may draw; ``visits`` keeps the positions that the agents
-    visit; ``probe`` makes what looks at the agents at each record, in so many places as ``probes``
-    says. The greedy return of a mixture is that of its mean Q-function, or the mean over ``each``
-    of its components. Raises ValueError for a value outside its range.
+    visit; ``probe`` makes, of an experiment, a label, some runs and their tasks, what looks at the
+    agents at each record, by ``look(agent)``, in so many places as ``probes`` says; its ``arrays``
+    over the runs are stored with the returns. The greedy return of a mixture is that of its mean
+    Q-function, or the mean over ``each`` of its components. Raises ValueError for a value outside
+    its range.
     """
 
     name: str = field(validator=checks.name())
@@ -121,7 +106,7 @@ class Experiment:
     visits: bool = field(default=False, validator=checks.kind(bool))
     excluded: tuple[int, ...] = field(default=(), validator=checks.kind(tuple))
     probes: int = field(default=0, validator=checks.whole(0))
-    probe: ProbeMaker | None = None
+    probe: Callable[..., Any] | None = None
     each: bool = field(default=False, validator=checks.kind(bool))
 
     def __attrs_post_init__(self) -> None:

@@ -20,7 +20,6 @@ class Comparison:
     owner: str
     label: str
     seconds: float
-    megabytes: int
     verdict: Verdict
 
 
@@ -66,7 +65,7 @@ def _compared(
     if store.exists(store.path_of(owner, label, root)):
         old = store.stored(owner, label, root)
         verdict = compare(owner, *old, arrays, range(count_of(new)), note["machine"])
-    return Comparison(owner.name, label, note["seconds"], note["megabytes"], verdict)
+    return Comparison(owner.name, label, note["seconds"], verdict)
 
 
 def report(comparisons: Sequence[Comparison]) -> list[str]:
@@ -74,8 +73,7 @@ def report(comparisons: Sequence[Comparison]) -> list[str]:
     lines = []
     for owner in dict.fromkeys(c.owner for c in comparisons):
         group = [c for c in comparisons if c.owner == owner]
-        seconds, peak = sum(c.seconds for c in group), max(c.megabytes for c in group)
-        lines.append(f"{owner}: {seconds:.0f} s of one core, {peak} MB at most in a process")
+        lines.append(f"{owner}: {sum(c.seconds for c in group):.0f} s of one core")
         lines += [f"  {c.label}: {c.verdict.said}" for c in group]
     bad = sum(not c.verdict.same for c in comparisons)
     return [

@@ -42,11 +42,8 @@ def join_finished(units: Iterable[Unit], root: Path) -> None:
             if not all(store.exists(root / unit.part) for unit in group):
                 continue
             parts, notes = zip(*(store.read(root / unit.part) for unit in group), strict=True)
-            costs = {
-                "seconds": round(sum(note["seconds"] for note in notes), 2),
-                "megabytes": max(note["megabytes"] for note in notes),
-            }
-            store.save(root / result, joined(parts), notes[0] | costs)
+            seconds = round(sum(note["seconds"] for note in notes), 2)
+            store.save(root / result, joined(parts), notes[0] | {"seconds": seconds})
         for unit in group:
             store.remove(root / unit.part)
 

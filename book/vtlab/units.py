@@ -2,8 +2,6 @@
 
 import contextlib
 import math
-import resource
-import sys
 import time
 from collections.abc import Sequence
 from pathlib import Path
@@ -82,13 +80,10 @@ def expected_seconds(owner: Pool | Experiment, label: str, member: int) -> float
 def compute(
     unit: Unit, weights: np.ndarray | None = None, device: str = "cpu"
 ) -> tuple[store.Arrays, store.Note]:
-    """The arrays of one unit, and what it took: seconds of processor, megabytes, machine.
+    """The arrays of one unit, and what it took: seconds of processor, and on which machine.
 
     Runs transfer from weights (count, d) of their pool; their posteriors live on the device.
     """
-    with contextlib.suppress(OSError):
-        # memory's peak counts from here; where the system cannot do that, it counts earlier units
-        Path("/proc/self/clear_refs").write_text("5")
     began, owner, place = time.process_time(), unit.owner, "cpu"
     if isinstance(owner, Pool):
         arrays = sources.solve(owner, unit.members)
@@ -98,10 +93,8 @@ def compute(
         assert weights is not None
         place = device if owner.algorithms[unit.label].transfers else place
         arrays = run.run_batch(owner, unit.label, unit.members, weights, device=place)
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     return arrays, {
         "seconds": round(time.process_time() - began, 2),
-        "megabytes": round(peak / (1 << 20 if sys.platform == "darwin" else 1 << 10)),
         "vtlib": __version__,
         "machine": store.machine(place),
     }

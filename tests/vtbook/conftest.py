@@ -1,5 +1,11 @@
 """The pages' cells, without what only a reader waits for."""
 
+import importlib.util
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
 import pytest
 
 
@@ -14,3 +20,26 @@ def cells_of(cells_of):
             return cells_of(name)
 
     return without_runs
+
+
+@pytest.fixture(scope="session")
+def call():
+    """What a program prints; skipped where it is not installed."""
+
+    def run(name, wheel, *arguments):
+        path = found(name)
+        if path is None:
+            pytest.skip(f"{name} is not installed: pip install {wheel} brings it")
+        done = subprocess.run([path, *arguments], capture_output=True, text=True)
+        assert done.returncode == 0, done.stdout + done.stderr
+        return done.stdout
+
+    return run
+
+
+def found(name):
+    """Where a program is; node comes with playwright, too."""
+    beside = [Path(sys.executable).parent]
+    if spec := importlib.util.find_spec("playwright"):
+        beside.append(Path(spec.origin).parent / "driver")
+    return next(filter(None, (shutil.which(name, path=x) for x in (None, *beside))), None)

@@ -118,8 +118,9 @@ def test_where_half_of_the_runs_have_arrived_is_marked():
     shown, theirs = {"NT": runs(0)}, {kind: {"NT": published(0)} for kind in plots.KINDS.values()}
     for late, marked in ((0, None), (3, 3), (10, None)):  # of five runs, two are always rewarded
         shown["NT"].learning[2:, :late] = 0.0
-        said = plots.over_published(shown, theirs, (0, 1)).axes[0].texts
-        assert [x.xy[0] for x in said] == ([] if marked is None else [100 * (marked + 1)])
+        lines = plots.over_published(shown, theirs, (0, 1)).axes[0].get_lines()
+        places = [float(x.get_xdata()[0]) for x in lines if x.get_marker() == "^"]
+        assert places == ([] if marked is None else [100 * (marked + 1)])
 
 
 def test_runs_are_drawn_over_the_published_curves():

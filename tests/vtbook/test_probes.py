@@ -1,6 +1,5 @@
 """The probes of an experiment: what they note, at each look, without disturbing the runs."""
 
-import itertools
 import subprocess
 import sys
 
@@ -74,15 +73,6 @@ def test_looking_disturbs_nothing(rooms, poles, weights, label):
         alone = run_batch(experiment, label, [2], pool)
         for key in seen.keys() - {"inside"}:
             np.testing.assert_allclose(alone[key][0], arrays[key][1], rtol=1e-3, atol=1e-4)
-
-
-def test_the_truths_are_the_planned_values_of_each_runs_own_task(rooms, probe):
-    tasks = targets(rooms, [0, 2])
-    for row, (which, kappa) in itertools.product(range(2), enumerate((None, 50.0))):
-        values = plan.plan_rooms(tasks, row, None, kappa).q(probe._obs[row])
-        expected = values[torch.arange(40), probe._action[row]]
-        torch.testing.assert_close(probe._truths[which, row], expected)
-    assert set(probe._action.flatten().tolist()) == {0, 1, 2, 3}
 
 
 def test_a_wide_posterior_covers_more_than_a_narrow_one_which_errs_as_its_mean(rooms, probe):

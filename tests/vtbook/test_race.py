@@ -9,22 +9,12 @@ import numpy as np
 import pytest
 
 from vtbook import race, visits
-from vtbook.checkpoints import pauses
 from vtbook.experiments.rooms import ROOMS_EVALUATION
-from vtlab.run import prepare, targets
-from vtlab.store import weights
+from vtlab.run import targets
 
 bs4 = pytest.importorskip("bs4")
 HERE = ROOMS_EVALUATION.published
 SHOWN, RUN = {"NT": "left", "1-MGVT": "right"}, 1
-
-
-def test_paths_are_those_of_the_runs_one_at_a_time_however_often_they_pause():
-    for label, path in zip(SHOWN, race.paths(HERE, list(SHOWN), 100, RUN), strict=True):
-        batch = prepare(race.evolve(HERE, visits=True), label, [RUN], weights(HERE.pool))
-        seen = {t: len(batch.episodes._arrived) for t in pauses(batch, [0, 1, 40, 100])}
-        assert seen == {t: t for t in (0, 1, 40, 100)}
-        np.testing.assert_allclose(path, batch.episodes.visited[0], atol=1e-5)
 
 
 def test_the_page_is_told_where_each_agent_was_and_how_often_it_arrived(monkeypatch):

@@ -36,11 +36,11 @@ def named(_, name):
 @pytest.fixture
 def pictures(monkeypatch):
     """What is asked for pictures, which show nothing; sliders stay in parts."""
-    asked = SimpleNamespace(series=Mock(), picture=Mock(return_value="<img>"))
+    asked = SimpleNamespace(frame=Mock(), picture=Mock(return_value="<img>"))
     monkeypatch.setattr(claims, "returns", named)
-    monkeypatch.setattr(sliders, "setting_series", asked.series)
+    monkeypatch.setattr(sliders, "setting_frame", asked.frame)
     monkeypatch.setattr(sliders, "setting_picture", asked.picture)
-    monkeypatch.setattr(widgets, "still_sliders", lambda axes, picture: (axes, picture))
+    monkeypatch.setattr(widgets, "still_sliders", lambda axes, picture, *_: (axes, picture))
     return asked
 
 
@@ -51,7 +51,7 @@ def test_each_place_of_the_sliders_shows_its_own_runs_with_words_true_of_them(pi
     assert values == [LAMBDAS, PSIS, POSTERIORS]
     assert [axis.options[axis.start][1] for axis in axes] == list(USUAL)
     words = picture(1e-4, 1.0, "3-MGVT")
-    references, own = pictures.series.call_args[0][0], pictures.picture.call_args[0][1]
+    references, own = pictures.frame.call_args[0][1], pictures.picture.call_args[0][1]
     assert (list(references), own.stored.name) == (["NT"], "3-MGVT-lambda-1e-04-psi-1")
     mine, theirs = Runs(runs(0.2)), Runs(runs(0.4))
     end, gap = mine.share(300), mine.gain_until(theirs, 300)
@@ -70,7 +70,7 @@ def test_the_number_of_sources_is_a_slider_of_its_own(pictures):
     axes, picture = sliders.setting_sliders(*given, counts=(2, 5))
     assert ([value for _, value in axes[-1].options], axes[-1].start) == ([2, 5], 1)
     picture(*USUAL, 2)
-    references, own = pictures.series.call_args[0][0], pictures.picture.call_args[0][1]
+    references, own = pictures.frame.call_args[0][1], pictures.picture.call_args[0][1]
     assert own.stored.name == "1-MGVT-lambda-1e-06-psi-0.5-from-2"
     assert list(references) == ["NT 2"]
 
@@ -95,12 +95,12 @@ def test_a_setting_stands_beside_the_same_runs_of_the_references(monkeypatch):
     monkeypatch.setattr(sliders, "returns_figure", figure)
     many, first, mine = runs(0.5, count=9, times=8), Runs(runs(0.1)), Runs(runs(0.3))
     setting, given = (1e-4, 0.5, "2-MGVT"), ("2-MGVT", (0, 1))
-    alone, later = (sliders.setting_series({"NT": many}, x, *given) for x in (mine, first))
+    frame = sliders.setting_frame("a-frame", {"NT": many}, mine, *given)
     drawn = figure.call_args_list[0].args[0]
     assert list(drawn) == ["NT", "2-MGVT"]
     np.testing.assert_array_equal(drawn["NT"].greedy, many.greedy[:4, :3])
     assert drawn["2-MGVT"] is mine.stored
-    # a picture is the same whatever of its series was drawn before it
-    other = sliders.setting_picture(later, first, setting)
-    wanted = sliders.setting_picture(alone, mine, setting)
-    assert sliders.setting_picture(later, mine, setting) == wanted != other
+    # a picture is the same whatever was drawn before it in its frame
+    wanted = sliders.setting_picture(frame, mine, setting)
+    other = sliders.setting_picture(frame, first, setting)
+    assert sliders.setting_picture(frame, mine, setting) == wanted != other

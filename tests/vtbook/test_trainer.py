@@ -1,26 +1,26 @@
 """The panel that trains in a page: its parts, its runs against stored ones, and its use."""
 
-import importlib.util
 import json
 import os
 import re
-import shutil
-import subprocess
-import sys
 from base64 import b64decode
 from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 
 from vtbook import published, trainer
 from vtbook.browser_panel import STATIC, static
 from vtbook.checkpoints import pauses
+from vtbook.experiments.cartpole import CARTPOLE
+from vtbook.experiments.mountain_car import CAR
 from vtbook.experiments.rooms import ROOMS_EVALUATION, ROOMS_LIKELIHOOD
-from vtlab.native.build import PAGE, compile_page
+from vtbook.zero_shot import greedy_returns
+from vtlab.native.build import PAGES, compile_page, page_module
 from vtlab.native.runs import LANES, MOST_COMPONENTS, MOST_SOURCES, NO_CLIP
 from vtlab.permutation import same_distribution_p
-from vtlab.run import prepare
+from vtlab.run import chosen_sources, prepare, targets
 from vtlab.store import load, returns, weights
 
 bs4 = pytest.importorskip("bs4")
@@ -34,26 +34,8 @@ def setup_of(html):
     return bs4.BeautifulSoup(html, "html.parser").find("script", type="application/json").string
 
 
-def found(name):
-    """Where a program is; node comes with playwright, too."""
-    beside = [Path(sys.executable).parent]
-    if spec := importlib.util.find_spec("playwright"):
-        beside.append(Path(spec.origin).parent / "driver")
-    return next(filter(None, (shutil.which(name, path=x) for x in (None, *beside))), None)
-
-
-def call(name, wheel, *arguments):
-    """What a program prints; skipped where it is not installed."""
-    path = found(name)
-    if path is None:
-        pytest.skip(f"{name} is not installed: pip install {wheel} brings it")
-    done = subprocess.run([path, *arguments], capture_output=True, text=True)
-    assert done.returncode == 0, done.stdout + done.stderr
-    return done.stdout
-
-
 @pytest.fixture
-def node(tmp_path, monkeypatch):
+def node(tmp_path, monkeypatch, call):
     given = tmp_path / "setup.json"
     monkeypatch.setenv("VTLIB_TRAINER", str(given))
 
@@ -64,20 +46,36 @@ def node(tmp_path, monkeypatch):
     return run
 
 
-def test_the_kernel_in_the_repository_is_what_its_source_compiles_to(tmp_path):
+@pytest.mark.parametrize("kernel", PAGES)
+def test_the_kernel_in_the_repository_is_what_its_source_compiles_to(kernel, tmp_path):
     try:
-        again = compile_page(tmp_path / "again.wasm")
+        again = compile_page(kernel, tmp_path / "again.wasm")
     except RuntimeError as error:
         pytest.skip(str(error))
-    assert again.read_bytes() == PAGE.read_bytes(), "run: python -m vtlab.native page"
+    assert again.read_bytes() == page_module(kernel).read_bytes(), (
+        "run: python -m vtlab.native page"
+    )
 
 
-def test_a_linter_finds_nothing_in_the_scripts():
+def test_all_kernels_of_the_pages_are_small():
+    assert sum(page_module(kernel).stat().st_size for kernel in PAGES) < 60_000
+
+
+def test_a_linter_finds_nothing_in_the_scripts(call):
     call("oxlint", "oxlint", "--deny-warnings", *STATIC.glob("*.js"), *HERE.glob("*.js"))
+
+
+TASKS = {"rooms": (2.0, 8.0), "cartpole": (1.0, 0.2, 0.5), "mountain_car": (0.00125,)}
 
 
 def test_the_parts_of_the_scripts(node):
     node(trainer.train_here(EVALUATION, (2.0, 8.0)), "--test", HERE / "parts.test.js")
+
+
+@pytest.mark.parametrize("experiment", [CARTPOLE.published, CAR.published], ids=lambda x: x.name)
+def test_the_stages_that_are_driven(experiment, node):
+    html = trainer.train_here(experiment, TASKS[experiment.family.kernel])
+    node(html, "--test", HERE / "driven.test.js")
 
 
 # a step of another size shows early, before a return tells
@@ -87,17 +85,22 @@ def test_the_parts_of_the_scripts(node):
         (LIKELIHOOD, "1-MGVT", 100),
         (LIKELIHOOD, "GVT", 500),
         (EVALUATION, "3-MGVT", 500),
+        (CARTPOLE.published, "1-MGVT", 400),
+        (CARTPOLE.published, "GVT", 400),
+        (CAR.published, "1-MGVT", 400),
     ],
 )
 def test_runs_in_the_page_are_distributed_as_those_of_the_engine(experiment, label, end, node):
     count = min(RUNS, experiment.runs)
     rows, pool = np.arange(count) * (experiment.runs // count), weights(experiment.pool)
     tasks = load(experiment, "tasks").isel(run=rows)
-    each = zip(*(x.tolist() for x in (tasks.doors.values, tasks.sources.values, rows)), strict=True)
+    family, drawn = experiment.family, targets(experiment, rows)
+    each = [family.kernel_parameters(drawn, row) for row in range(count)]
     C = experiment.algorithms[label].components
     algorithm = {"family": label.split("-")[-1], "components": C}
-    runs = [{**algorithm, "doors": d, "indices": s, "seed": seed} for d, s, seed in each]
-    html = trainer.train_here(experiment, (5.0,))
+    numbers = zip(each, tasks.sources.values.tolist(), rows.tolist(), strict=True)
+    runs = [{**algorithm, "task": t, "indices": s, "seed": seed} for t, s, seed in numbers]
+    html = trainer.train_here(experiment, TASKS[experiment.family.kernel])
     here = zip(*json.loads(node(html, HERE / "runs.js", json.dumps([runs, end]))), strict=True)
     batch = prepare(experiment, label, rows, pool)
     list(pauses(batch, [end]))
@@ -123,7 +126,7 @@ def test_a_page_grows_by_little_and_holds_the_sources_and_the_kernels_settings()
     scales = np.array(setup["scales"])[:, None]
     pool = scales * np.frombuffer(b64decode(setup["pool"]), np.int8).reshape(50, 484)
     np.testing.assert_allclose(pool, weights(EVALUATION.pool), 0, 0.501 * scales.max())
-    assert b64decode(setup["wasm"]) == PAGE.read_bytes()
+    assert b64decode(setup["wasm"]) == page_module("rooms").read_bytes()
     assert setup["start"] == start
     told = setup["settings"]
     assert (told["GVT"]["ddof"], told["GVT"]["kl_clip"], told["NT"]["clip"]) == (1, 100, NO_CLIP)
@@ -131,10 +134,23 @@ def test_a_page_grows_by_little_and_holds_the_sources_and_the_kernels_settings()
     assert found == pytest.approx((1e-5, 0.02, 1e4))
 
 
+@pytest.mark.parametrize("experiment", [CARTPOLE.published, CAR.published], ids=lambda x: x.name)
+def test_sources_drive_as_well_as_before_they_were_rounded(experiment):
+    sources = weights(experiment.pool)
+    integers, scales = trainer.quantised(sources, np.int16)
+    rounded = (integers * scales[:, None]).astype(np.float32)
+    chosen = chosen_sources(experiment, range(experiment.runs))[:, :1]
+    earned, again = (
+        greedy_returns(experiment, torch.from_numpy(x[chosen]), "rounded")
+        for x in (sources, rounded)
+    )
+    assert abs((earned - again).mean()) < 0.5
+
+
 def test_the_kernel_has_room_for_all_that_the_controls_offer():
-    most = re.findall(r"^    (\w+): \[1, (\d+), 1", static("trainer.js"), re.M)
+    most = re.findall(r"^  (\w+): \[1, (\d+), 1", static("trainer.js"), re.M)
     assert dict(most) == {"components": f"{MOST_COMPONENTS}", "sources": f"{MOST_SOURCES}"}
-    for settings in trainer.ALGORITHMS.values():
+    for settings in (x for stage in trainer.STAGES.values() for x in stage.algorithms.values()):
         assert settings.minibatch <= 512
         assert getattr(settings, "n_samples", 1) < LANES
         assert settings.buffer <= 50_000
@@ -175,7 +191,8 @@ def trained(panel):
     panel.get_by_role("button", name="Run").click()
     shows(panel, ".says", "^Done")
     names = ("transfer", "fine", "none")
-    return {x: float(panel.locator(f".legend .{x}").inner_text().split()[-1]) for x in names}
+    texts = {x: panel.locator(f".legend .{x}").inner_text() for x in names}
+    return {x: float(text.split()[-1].replace("−", "-")) for x, text in texts.items()}
 
 
 def test_a_reader_moves_the_doors_trains_and_sees_transfer_pay(opened, page):
@@ -189,7 +206,9 @@ def test_a_reader_moves_the_doors_trains_and_sees_transfer_pay(opened, page):
     assert upper.get_attribute("aria-valuenow") == "7.9"
     shown = trained(panel)
     assert shown["transfer"] > shown["none"] + 0.3
-    ends = {x: panel.locator(f".chart .{x}").get_attribute("points").split(",")[-1] for x in shown}
+    ends = {
+        x: panel.locator(f".chart .run.{x}").get_attribute("points").split(",")[-1] for x in shown
+    }
     assert float(ends["transfer"]) < float(ends["none"]) - 50
     assert panel.locator(".map .last").get_attribute("points").count(",") > 5
     assert not messages
@@ -233,6 +252,15 @@ def test_where_motion_is_not_wanted_the_panel_moves_every_500_iterations_alone(o
     assert [t // 500 for t in page.evaluate("seen")] == [1, 2]
 
 
+def test_where_motion_is_not_wanted_who_drives_is_seen_at_the_end_alone(opened, page):
+    page.emulate_media(reduced_motion="reduce")
+    panel = opened("mountain_car")
+    shows(panel, ".says", "^Ready")
+    panel.get_by_label("at the wheel").select_option(label="source 1")
+    panel.get_by_role("button", name="Drive").click()
+    shows(panel, ".drove", "source 1. It arrived after .*return")
+
+
 def test_without_vector_instructions_the_panel_says_so(opened, page):
     page.add_init_script("WebAssembly.validate = () => false")
     panel = opened()
@@ -245,3 +273,48 @@ def test_a_page_of_two_rooms_has_one_door_and_starts_with_a_gaussian(opened):
     assert panel.locator(".door").count() == 1
     assert panel.get_by_label("Gaussian (GVT)").is_checked()
     assert trained(panel)["transfer"] > 0.2
+
+
+@pytest.mark.parametrize("name", ["cartpole", "mountain_car"])
+def test_a_cart_and_a_car_train_better_than_without_transfer_and_are_driven(name, opened, page):
+    panel = opened(name)
+    shown = trained(panel)
+    assert shown["transfer"] > shown["none"] + 3
+    slider, wheel = panel.locator(".task input").first, panel.get_by_label("at the wheel")
+    slider.press("ArrowRight")
+    shows(panel, ".says", "^Ready")
+    for who in ("source 1", "the sources’ mean", "a draw from the posterior", "you"):
+        wheel.select_option(label=who)
+        panel.get_by_role("button", name="Drive").click()
+        if who == "you":
+            page.keyboard.down("ArrowRight")
+        shows(panel, ".drove", f"{who}. It (balanced|fell|arrived|never).*return")
+    assert panel.locator(".plane .now").get_attribute("points").count(",") > 5
+    assert not page.foreign
+
+
+def test_who_drives_is_seen_while_training_goes_on(opened, page):
+    panel = opened("mountain_car")
+    shows(panel, ".says", "^Ready")
+    panel.get_by_role("combobox", name="speed").select_option(label="50 a second")
+    panel.get_by_role("button", name="Run").click()
+    shows(panel, ".drove", "In training")
+    panel.get_by_role("button", name="Drive").click()
+    shows(panel, ".drove", "At the wheel")
+    before = panel.locator(".iteration").inner_text()
+    page.wait_for_timeout(500)
+    assert panel.locator(".iteration").inner_text() != before
+    assert "At the wheel" in panel.locator(".drove").inner_text()
+
+
+def test_ten_seeds_are_drawn_with_their_mean_and_band(opened):
+    panel = opened("rooms_exploration")
+    trained(panel)
+    panel.get_by_role("button", name="Ten seeds").click()
+    shows(panel, ".says", "^10 seeds: ")
+    shows(panel, ".legend .transfer", r"10 seeds 0\.\d")
+    for part in ("mean", "band"):
+        assert panel.locator(f".chart .{part}.transfer").get_attribute("points").count(",") > 100
+    panel.get_by_role("button", name="Reset").click()
+    shows(panel, ".says", "^Ready")
+    assert not panel.locator(".chart .band.transfer").get_attribute("points")

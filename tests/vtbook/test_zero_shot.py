@@ -22,12 +22,6 @@ def test_what_sources_earn_at_once_is_by_the_surest_of_a_runs_own(tiny):
     assert (zero_shot(tiny, pool, of_mean=True) != zero_shot(tiny, pool)).any()
 
 
-def test_policies_are_judged_alone_and_their_returns_averaged(tiny, weights):
-    own = torch.from_numpy(weights[:3][chosen_sources(tiny, range(tiny.runs))])
-    alone = [greedy_returns(tiny, own[:, [c]], "some", 5) for c in range(tiny.sources)]
-    np.testing.assert_allclose(greedy_returns(tiny, own, "some", 5), np.mean(alone, 0), rtol=1e-6)
-
-
 def test_a_posterior_s_samples_are_drawn_before_anything_is_learned(tiny, weights):
     given = tiny, "GVT", weights[:3], "some", 4
     found = at_start(*given)

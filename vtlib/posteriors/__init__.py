@@ -2,8 +2,6 @@
 
 from collections.abc import Callable
 
-from torch import Tensor
-
 from vtlib.native import LOGGER, kernels
 from vtlib.posteriors.base import Descent, Posterior
 from vtlib.posteriors.blocked import Blocked
@@ -40,8 +38,7 @@ def _full(
         LOGGER.warning("the full covariances of %s weights take %.1f GB", f"{d:,}", size)
     kind: type[Dense | Fused | Blocked] = Dense
     if kernels() is not None and start.mu.device.type == "cpu" and n_samples <= MOST_SAMPLES:
-        shared = not isinstance(precision.scale, Tensor)  # by all runs
-        blocks = shared and (precision.W is None or descent.kl == "diagonal")
+        blocks = precision.W is None or descent.kl == "diagonal"
         kind = Blocked if blocks and start.mu.shape[2] >= MANY else Fused
     return kind(start, precision, descent, noise, n_samples)
 

@@ -5,7 +5,7 @@ import ctypes
 import torch
 from torch import Tensor
 
-from vtlib.posteriors.native import NativePosterior, at, of_run
+from vtlib.posteriors.native import NativePosterior, at
 from vtlib.priors import Start
 
 LANES = 16  # the kernel's rows are padded to a multiple of this
@@ -41,17 +41,12 @@ class Fused(NativePosterior):
         gradients, before, kl_weight = self._waiting or (noise[:, :0], noise[:, :0], 0.0)
         self._descent.n_samples = gradients.shape[1]
         arrays = self._memory, self._W, self._WL, gradients, before, noise, out
-        # runs whose priors differ in scale are passed one by one
-        scale, components = self._precision.scale, self.mu.shape[1]
-        count = components if isinstance(scale, Tensor) else len(z)
-        for run, parts in enumerate(zip(*(x.split(count) for x in arrays), strict=True)):
-            self._descent.scale = of_run(scale, run)
-            self._function("step")(
-                ctypes.byref(self._descent),
-                *(count, z.shape[1]),
-                *map(at, parts),
-                ctypes.c_float(kl_weight),
-                self._waiting is not None,
-            )
+        self._function("step")(
+            ctypes.byref(self._descent),
+            *(len(z), z.shape[1]),
+            *map(at, arrays),
+            ctypes.c_float(kl_weight),
+            self._waiting is not None,
+        )
         self._waiting = None
         return out

@@ -39,8 +39,7 @@ class NativePosterior(FactorPosterior):
         self._memory = torch.zeros(runs * components, size(d))
         for run in range(runs if start.spread is not None else 1):
             spread = None if start.spread is None else start.spread[run : run + 1]
-            variance = of_run(start.variance, run)
-            component = Start(start.mu[run : run + 1, :1], variance, spread)
+            component = Start(start.mu[run : run + 1, :1], start.variance, spread)
             factor = start_factors(component, self._sigma_min)[0]
             copies = self._memory[run * components :]
             self._function("pack")(d, at(factor), at(copies))
@@ -54,7 +53,7 @@ class NativePosterior(FactorPosterior):
             sigma_min=self._sigma_min,
             clip=min(self._clip, LARGEST),
             kl_clip=min(self._kl_clip, LARGEST),
-            scale=of_run(self._precision.scale, 0),
+            scale=self._precision.scale,
         )
 
     def _factors(self) -> Tensor:
@@ -67,11 +66,6 @@ class NativePosterior(FactorPosterior):
 
     def _function(self, name: str) -> Any:
         return getattr(kernels(), f"{self._kernel}_{name}")
-
-
-def of_run(number: float | Tensor, run: int) -> float:
-    """A run's own number, of one for all or one for each, (R, 1, 1)."""
-    return float(number[run]) if isinstance(number, Tensor) else number
 
 
 def at(tensor: Tensor) -> ctypes.c_void_p:

@@ -3,7 +3,7 @@
 import gymnasium
 
 from vtlab.envs.cartpole import Cartpole, CartpoleFamily
-from vtlab.envs.maze import MazeFamily, Mazes, load_mazes, parse_maze
+from vtlab.envs.maze import MazeFamily, Mazes
 from vtlab.envs.mountain_car import MountainCar, MountainCarFamily
 from vtlab.envs.rooms import Rooms, RoomsFamily
 
@@ -16,8 +16,6 @@ __all__ = [
     "MountainCarFamily",
     "Rooms",
     "RoomsFamily",
-    "load_mazes",
-    "parse_maze",
 ]
 
 for _name, _package, _horizon in (

@@ -1,18 +1,32 @@
-// A run in the rooms inside a reader's page: in the module's own memory, with random numbers from a
-// small generator of its own, which gives the same for a seed on every machine.
+// A run of a task inside a reader's page: in the module's own memory, with random numbers from a small
+// generator of its own, which gives the same for a seed on every machine. Each task (-DTASK=) has a module.
+#include "networks.h"
 #include "rooms.h"
 
-constexpr int D = Rooms::D, MOST_BUFFER = 50000, BATCH = 512;
+typedef TASK Task;
+constexpr int D = Task::D, MOST_BUFFER = 50000, BATCH = 512;
 typedef uint32_t Words __attribute__((vector_size(64)));
 
-alignas(64) static unsigned char memory[sizeof(Run<Rooms>) + MOST_BUFFER * sizeof(Rooms::Transition)];
-static Run<Rooms> &run = *(Run<Rooms> *)memory;
+alignas(64) static unsigned char memory[sizeof(Run<Task>) + MOST_BUFFER * sizeof(Task::Transition)];
+static Run<Task> &run = *(Run<Task> *)memory;
 alignas(64) static float noise[MOST_COMPONENTS * LANES * D], uniforms[LANES + BATCH], motion[LANES];
-alignas(64) static float factors[MOST_COMPONENTS * D * D], mean[D][LANES], reached[2];
+alignas(64) static float factors[MOST_COMPONENTS * D * D], driver[D][LANES];
+static float reached[Task::OBS], stage[Task::OBS];
+static Task::Transition latest;
 static struct { Words word[4]; } generator;
 
+// The module has no library: sin x, and cos x, by their series around the nearest multiple of pi.
+extern "C" float sinf(float x) {
+  double turns = x * 0.31830988618379067, r = turns - (int)(turns + (turns < 0 ? -0.5 : 0.5));
+  r *= 3.141592653589793;
+  double term = r, total = r;
+  for (int i = 2; i < 16; i += 2) total += term *= -r * r / (i * (i + 1));
+  return (int)(turns + (turns < 0 ? -0.5 : 0.5)) & 1 ? -total : total;
+}
+extern "C" float cosf(float x) { return sinf(x + 1.57079633f); }
+
 // xoshiro128++, sixteen side by side. Source: Blackman and Vigna (2021).
-static Lanes uniform() {
+__attribute__((noinline)) static Lanes uniform() {
   Words *s = generator.word, sum = s[0] + s[3], shifted = s[1] << 9;
   Words result = (sum << 7 | sum >> 25) + s[0];
   s[2] ^= s[0], s[3] ^= s[1], s[1] ^= s[2], s[0] ^= s[3];
@@ -21,7 +35,7 @@ static Lanes uniform() {
 }
 
 // Standard normal numbers, by the inverse of their distribution function. Source: Giles (2012).
-static Lanes normal() {
+__attribute__((noinline)) static Lanes normal() {
   const float middle[] = {3.43273939e-7f,  -3.5233877e-6f,  -4.39150654e-6f, 2.1858087e-4f,
                           -1.25372503e-3f, -4.17768164e-3f, 2.46640727e-1f,  1.50140941f};
   const float tail[] = {1.00950558e-4f,  1.34934322e-3f, -3.67342844e-3f, 5.73950773e-3f,
@@ -40,9 +54,9 @@ static Random draw() {
   return {noise, uniforms, uniforms + LANES, motion, uniforms + 1, uniforms + 3};
 }
 
-// Where a page writes what a run begins with, and reads what became of it.
+// Where a page writes what a run begins with, or a driver, and reads what became of them.
 extern "C" void *place(int what) {
-  void *const places[] = {&run.s, run.mu, run.sources, run.W, factors, reached};
+  void *const places[] = {&run.s, run.mu, run.sources, run.W, factors, reached, run.observation, driver, stage};
   return places[what];
 }
 
@@ -56,33 +70,41 @@ extern "C" void begin_run(uint32_t seed) {
   begin(run, factors, random.noise, random.start);
 }
 
-// One iteration; whether the episode goes on (0), is over (1), or is over at the goal (2).
+// One iteration; whether the episode goes on (0), is over in time (1), or by what happened (2).
 extern "C" int iterate_run() {
-  for (int i = 0; i < 2; i++) reached[i] = run.observation[i];
+  for (int i = 0; i < Task::OBS; i++) reached[i] = run.observation[i];
   iterate(run, 1, draw());
-  // where the step led: an episode's last position is overwritten by the first of the next
-  Rooms::Transition t = run.memory[(run.steps - 1) % run.s.buffer];
-  bool arrived = Rooms::move(run.s, reached, motion, t);
-  return run.time ? 0 : 1 + arrived;
+  // where the step led: an episode's last state is overwritten by the first of the next
+  typename Task::Transition t = run.memory[(run.steps - 1) % run.s.buffer];
+  bool terminated = Task::move(run.s, reached, motion, t);
+  return run.time ? 0 : 1 + terminated;
 }
 extern "C" float learning() { return learning_return(run); }
 extern "C" void unpack(int c) { copy_factor<false>(D, factors + c * D * D, run.L[c]); }
+
+// One step on the stage, by an action, or by the driver's greedy one if that is negative: the action,
+// and 256 more where the episode is over by it.
+extern "C" int step_stage(int action) {
+  at(motion) = normal();
+  latest.action = action < 0 ? Task::greedy(driver, stage) : action;
+  return latest.action | Task::move(run.s, stage, motion, latest) << 8;
+}
 
 // Mean return of the mean's greedy policy; the run's random numbers stay as they are.
 extern "C" float greedy(int episodes) {
   auto kept = generator;
   float total = 0;
   for (int i = 0; i < D; i++) {
-    at(mean[i]) = Lanes{};
-    for (int c = 0; c < run.s.components; c++) at(mean[i]) += run.mu[c][i] / run.s.components;
+    at(driver[i]) = Lanes{};
+    for (int c = 0; c < run.s.components; c++) at(driver[i]) += run.mu[c][i] / run.s.components;
   }
   for (int episode = 0; episode < episodes; episode++) {
-    float position[2] = {}, discount = 1;
-    Rooms::Transition t = {};
-    for (int time = 0; time < Rooms::HORIZON && !t.reward; time++, discount *= run.s.gamma) {
-      at(motion) = normal();
-      t.action = Rooms::greedy(mean, position);
-      total += Rooms::move(run.s, position, motion, t) ? discount : 0;
+    float discount = 1;
+    at(uniforms) = uniform();
+    Task::start(run.s, stage, uniforms);
+    for (int time = 0, over = 0; time < Task::HORIZON && !over; time++, discount *= run.s.gamma) {
+      over = step_stage(-1) >> 8;
+      total += discount * latest.reward;
     }
   }
   generator = kept;

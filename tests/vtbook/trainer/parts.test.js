@@ -7,19 +7,16 @@ const path = require("node:path");
 const test = require("node:test");
 const vm = require("node:vm");
 
-const STATIC = path.resolve(__dirname, "..", "..", "..", "book", "_static");
-const panel = require(path.join(STATIC, "trainer.js"));
-const worker = require(path.join(STATIC, "trainer_worker.js"));
-const { setup, pool } = require("./given.js");
+const { STATIC, panel, worker, setup, pool } = require("./given.js");
 const wasm = Buffer.from(setup.wasm, "base64");
 
 const close = (a, b, within = 1e-6) => assert.ok(Math.abs(a - b) <= within, `${a} is not ${b}`);
 const sources = worker.decodePool(pool, setup.scales);
-const chosen = { ...panel.chosen({ family: "MGVT", doors: [2, 8] }), lambda: 1e-6 };
+const chosen = { ...panel.chosen({ family: "MGVT", task: [2, 8, 2] }), lambda: 1e-6 };
 const run = (changes = {}, given = sources.slice(0, 3)) => {
   const choice = { ...chosen, ...changes };
   const module = new WebAssembly.Module(wasm);
-  return new worker.Run(module, setup.fields, setup.settings[choice.family], choice, given);
+  return new worker.Run(module, setup, setup.settings[choice.family], choice, given);
 };
 const means = (one, steps) => {
   for (let i = 0; i < steps; i++) one.advance();
@@ -33,12 +30,12 @@ test("every script of the book can be read", () => {
 });
 
 test("numbers are held to what the controls offer", () => {
-  const wild = { power: Infinity, psi: "much", components: 7, sources: -3, seed: "", doors: [NaN, 99] };
+  const wild = { power: Infinity, psi: "much", components: 7, sources: -3, seed: "", task: [5, 9.5, 2] };
   assert.deepEqual(panel.chosen({ family: "?", ...wild, fine: "on" }), {
-    family: "MGVT", lambda: 0.1, psi: 0.5, components: 3, sources: 1, seed: 1, doors: [5, 9.5],
+    family: "MGVT", lambda: 0.1, psi: 0.5, components: 3, sources: 1, seed: 1, task: [5, 9.5, 2],
     fine: true, none: false,
   });
-  assert.equal(panel.chosen({ family: "GVT", components: 3, doors: [] }).components, 1);
+  assert.equal(panel.chosen({ family: "GVT", components: 3, task: [] }).components, 1);
   assert.equal(panel.clamp("door", 3.14159), 3.1);
   for (const [name, [least, most, , start]] of Object.entries(panel.RANGES)) {
     assert.equal(panel.clamp(name, -1e9), least);
@@ -56,11 +53,14 @@ test("keys move a door within its range, and numbers, colours and walls are as d
   assert.equal(panel.scientific(-6), "10⁻⁶");
   assert.equal(panel.scientific(-4.5), "3.2 · 10⁻⁵");
   assert.notEqual(panel.colour(0), panel.colour(1));
+  const shares = [1e-5, 1e-3, 1, 3].map((x) => panel.shareOf("deviation", x));
+  shares.forEach((share, i) => close(share, [0, 0, 1, 1][i]));
+  close(panel.shareOf("deviation", 10 ** -1.5), 0.5);
   assert.deepEqual(panel.wallsOf(1), [5]);
 });
 
 test("the least place of lambda is 0, and the next 1e-8", () => {
-  const [least, , step] = panel.RANGES.power, lambda = (power) => panel.chosen({ power, doors: [] }).lambda;
+  const [least, , step] = panel.RANGES.power, lambda = (power) => panel.chosen({ power, task: [] }).lambda;
   assert.equal(lambda(least), 0);
   assert.equal(panel.scientific(least), "0");
   close(lambda(least + step), 1e-8, 1e-20);
@@ -101,13 +101,13 @@ test("a seed gives one run, another another, and doors move while what was learn
   const one = run({ seed: 3 }), before = means(one, 100);
   assert.deepEqual(means(run({ seed: 3 }), 100), before);
   assert.notDeepEqual(means(run({ seed: 4 }), 100), before);
-  one.moveDoors([9, 1]);
+  one.setTask([9, 1, 2]);
   assert.deepEqual(means(one, 0), before);
   assert.notDeepEqual(means(one, 100), before);
 });
 
 test("there is no return before an episode has ended, and a curve begins with the first", () => {
-  const training = new worker.Training({ wasm, pool: pool.buffer, scales: setup.scales, setup }, () => {});
+  const training = new worker.Training({ wasm, pool, scales: setup.scales, setup }, () => {});
   training.chosen = { ...chosen, none: true };
   training.make();
   const { none } = training.runs;
@@ -140,7 +140,7 @@ test("the noise of the motion is normal with deviation 0.2", () => {
 });
 
 test("the maps begin as the prior: the source's values, and its narrow deviation", () => {
-  const { value, deviation } = run({}, [sources[0]]).maps();
+  const { value, deviation } = worker.mapsOf(run({}, [sources[0]]));
   assert.ok(Math.max(...value) > 0.5 && Math.max(...value) < 2);
   const variance = setup.settings.MGVT.variance;
   for (const [cell, position] of [[0, [0.25, 0.25]], [399, [9.75, 9.75]]]) {
@@ -148,4 +148,15 @@ test("the maps begin as the prior: the source's values, and its narrow deviation
     close(shares.reduce((total, x) => total + x, 0), 1);  // radial bases sum to one
     close(deviation[cell], Math.sqrt(variance * shares.reduce((total, x) => total + x ** 2, 0)), 1e-6);
   }
+});
+
+test("trainings from several seeds follow one another, and have a band", () => {
+  const told = [], training = new worker.Training({ wasm, pool, scales: setup.scales, setup: { ...setup, iterations: 50, every: 25 } }, (x) => told.push(x));
+  Object.assign(training, { chosen, left: 2, finished: [], rate: 1 });
+  training.advance(50);
+  assert.deepEqual([training.rate, training.chosen.seed, training.runs.transfer.steps], [1, chosen.seed + 1, 0]);
+  training.advance(50);
+  assert.deepEqual([training.rate, training.finished.length], [0, 2]);
+  const { mean, least, most } = worker.bandsOf([{ transfer: [1, NaN] }, { transfer: [3, 4] }]).transfer;
+  assert.deepEqual([mean, least, most], [[2, NaN], [1, NaN], [3, NaN]]);
 });

@@ -13,7 +13,6 @@ from gymnasium.utils.env_checker import check_env
 
 from vtlab.envs.cartpole.gym import CartpoleEnv
 from vtlab.envs.maze.gym import MazeEnv
-from vtlab.envs.maze.library import library
 from vtlab.envs.mountain_car.gym import MountainCarEnv
 from vtlab.envs.rooms.gym import RoomsEnv
 
@@ -22,7 +21,7 @@ CASES = {
     "Rooms": (RoomsEnv, 50, (400, 400, 3), {"doors": (5.0,), "uniform_start": True}),
     "Cartpole": (CartpoleEnv, 100, (300, 600, 3), {"cart_mass": 0.5, "half_length": 1.0}),
     "MountainCar": (MountainCarEnv, 200, (400, 600, 3), {"speed": 0.0015}),
-    "Maze": (MazeEnv, 100, (400, 400, 3), {"maze": library()["south-west 12"]}),
+    "Maze": (MazeEnv, 100, (400, 400, 3), {"maze": "south-west 12"}),
 }
 every_env = pytest.mark.parametrize("name", CASES)
 

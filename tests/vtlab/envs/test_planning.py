@@ -9,7 +9,6 @@ from attrs import evolve
 
 from vtlab.envs import MazeFamily, Mazes, MountainCar, MountainCarFamily, Rooms, RoomsFamily, maze
 from vtlab.envs.maze import plan as maze_planner
-from vtlab.envs.maze.library import parse_maze
 from vtlab.envs.maze.plan import mean_return, plan_maze
 from vtlab.envs.mountain_car import plan as car_planner
 from vtlab.envs.mountain_car.plan import plan_mountain_car
@@ -21,8 +20,8 @@ from vtlib.td import mellowmax
 PLANNING_BIAS = 0.004
 DOOR = Rooms.from_doors([[5.0]])
 CARS = MountainCar.of(2, speed=[0.001, 0.0015])
-OPEN = parse_maze("." * 9 + "G" + ("\n" + "." * 10) * 9)
-MAZES = Mazes.of([OPEN, "south-west 12", "north-east 4"])
+OPEN = Mazes(torch.zeros(1, 10, 10, dtype=torch.bool), torch.tensor([[9, 9]]))
+MAZES = Mazes.join([OPEN, Mazes.of(["south-west 12", "north-east 4"])])
 
 
 def rollout(tasks, index, state, policy, steps, noise=0.0):

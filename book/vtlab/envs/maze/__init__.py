@@ -8,13 +8,13 @@ from attrs import field, frozen
 from torch import Tensor
 
 from vtlab.envs.base import TaskFamily
-from vtlab.envs.maze.library import library, load_mazes, parse_maze
+from vtlab.envs.maze.library import library
 from vtlab.envs.maze.plan import mean_return, plan_maze
 from vtlab.envs.maze.tasks import Mazes
 from vtlib.checks import check_one_of, check_whole, shown
 from vtlib.qfunctions import MLP
 
-__all__ = ["MazeFamily", "Mazes", "load_mazes", "parse_maze"]
+__all__ = ["MazeFamily", "Mazes"]
 
 
 @frozen

@@ -7,7 +7,6 @@ from gymnasium import spaces
 
 from vtlab.envs.gym import TasksEnv
 from vtlab.envs.maze.geometry import REACH, SIDE
-from vtlab.envs.maze.library import Maze
 from vtlab.envs.maze.tasks import SENSORS, Mazes
 
 
@@ -53,7 +52,7 @@ class MazeEnv(TasksEnv):
     Termination: a step ends in the goal's cell. Truncation: after `horizon` steps.
 
     ## Arguments
-    - `maze`: a name in the library, or what `vtlab.envs.parse_maze` reads. Default "north-east 0".
+    - `maze`: a name in `vtlab.envs.maze.library`. Default "north-east 0".
     - `horizon`: steps of a truncated episode. Default 100.
     - `render_mode`: None or "rgb_array".
     """
@@ -61,7 +60,7 @@ class MazeEnv(TasksEnv):
     metadata = TasksEnv.metadata | {"render_fps": 10}
     drawing = "vtlab.envs.maze.draw:draw_maze"
 
-    def __init__(self, maze: str | Maze = "north-east 0", **options: Any) -> None:
+    def __init__(self, maze: str = "north-east 0", **options: Any) -> None:
         low = np.array([0, 0, -1, -1, *[0] * 2 * SENSORS], np.float32)
         high = np.array([SIDE, SIDE, 1, 1, *[REACH] * SENSORS, *[1] * SENSORS], np.float32)
         space = spaces.Box(low, high, dtype=np.float32)

@@ -14,8 +14,8 @@ from torch import Tensor
 
 from vtlab.envs.base import TaskBatch
 from vtlab.envs.maze.geometry import CLEARANCE, SIDE, Ground, advance, directions, look
-from vtlab.envs.maze.library import Maze, named
-from vtlib.checks import check_kind, kind
+from vtlab.envs.maze.library import library
+from vtlib.checks import check_one_of, kind
 
 STEP_LENGTH = 0.5  # m
 TURN = math.pi / 8  # rad
@@ -66,13 +66,13 @@ class Mazes(TaskBatch):
             raise ValueError("a maze must have a free cell beside the goal's")
 
     @classmethod
-    def of(cls, mazes: Sequence[str | Maze]) -> Mazes:
-        """One task for each of at least one maze, one's own or named in the library."""
-        if not len(mazes):
+    def of(cls, names: Sequence[str]) -> Mazes:
+        """One task for each of at least one maze of the library."""
+        if not len(names):
             raise ValueError("there must be at least one maze")
-        batch = [named(maze) if isinstance(maze, str) else maze for maze in mazes]
-        for maze in batch:
-            check_kind("maze", maze, Maze)
+        for name in names:
+            check_one_of("maze", name, library())
+        batch = [library()[name] for name in names]
         walls, goal = np.stack([maze.walls for maze in batch]), [maze.goal for maze in batch]
         return cls(torch.from_numpy(walls), torch.tensor(goal))
 

@@ -156,14 +156,14 @@ def test_no_ray_passes_between_walls_that_touch_at_a_corner(side):
 
 
 def test_starts_are_uniform_over_free_cells_positions_and_headings():
-    maze, count = library()["north-west 8"], 60_000
+    name, count = "north-west 8", 60_000
     u = torch.rand(count, 4, generator=torch.Generator().manual_seed(0))
     u[0] = torch.tensor(1.0).nextafter(torch.tensor(0.0))  # the largest there is
-    start = Mazes.of([maze]).select([0] * count).start(u)
+    start = Mazes.of([name]).select([0] * count).start(u)
     cells = start[:, :2].floor()
     hits = np.histogram2d(*cells.numpy().T, bins=range(11))[0]
-    free = ~maze.walls
-    free[maze.goal] = False
+    free = ~library()[name].walls
+    free[library()[name].goal] = False
     assert ((hits > 0) == free).all()
     expected = count / free.sum()
     assert np.abs(hits[free] - expected).max() < 5 * math.sqrt(expected)

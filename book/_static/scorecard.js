@@ -1,0 +1,17 @@
+/* The claims with one verdict, of one page, or both. */
+"use strict";
+
+for (const root of document.querySelectorAll(".scorecard")) {
+  const filter = root.querySelector(".filter"), chosen = [...filter.querySelectorAll("select")];
+  const show = () => {
+    let count = 0;
+    for (const claim of root.querySelectorAll("details")) {
+      claim.hidden = chosen.some(({ name, value }) => value && claim.dataset[name] !== value);
+      count += !claim.hidden;
+    }
+    filter.querySelector("output").textContent = `${count} claim${count === 1 ? "" : "s"}`;
+  };
+  filter.hidden = false;
+  filter.addEventListener("change", show);
+  show(); // browsers keep what was chosen before a reload
+}

@@ -1,0 +1,99 @@
+"""Pictures of a slider that share all but one curve, in lines and letters."""
+
+import re
+from html import escape
+from typing import Any
+
+import numpy as np
+from matplotlib.transforms import Bbox
+from xarray import Dataset
+
+from vtbook.plots import COLOURS, STYLES, BookFigure, drawn
+from vtlib.stats import mean_interval
+
+HEIGHT = 12.0  # of a title's line, in points
+FONT = "'DejaVu Sans', Verdana, sans-serif"  # of the book's figures, and one as wide
+LONG = re.compile(r"-?\d+\.\d{3,}")
+
+
+class Frame:
+    """A figure of returns whose last curve and first title's line each picture draws for itself.
+
+    name: that no other frame of the page has. ``symbol`` is the HTML that has to stand once on the
+    page of the pictures.
+    """
+
+    def __init__(self, figure: BookFigure, name: str, label: str) -> None:
+        (ax,) = figure.axes
+        drawn(figure)  # which lays it out
+        figure.set_layout_engine("none")
+        own: Any = ax.collections[-1], ax.lines[len(ax.collections) - 1], ax.lines[-1]
+        place: Any = ax.transData.frozen()
+        self._at = place.transform
+        self._scale = 72 / figure.dpi
+        self._width, self._height = (float(x) for x in 72 * figure.get_size_inches())
+        self._dots = float(own[2].get_xdata()[0])
+        box: Bbox = ax.get_window_extent()
+        self._corner = box.x0 * self._scale, self._height - box.y1 * self._scale - 6
+        self._name, self._label = name, label
+        title = ax.get_title(loc="left")
+        for part in own:
+            part.set_visible(False)
+        ax.set_title(title.partition("\n")[2] or title, loc="left")
+        self.symbol = self._drawn(figure)
+
+    def picture(self, runs: Dataset, kind: str, title: str, alt: str) -> str:
+        """The figure with the returns of some runs for its last curve, as inline SVG."""
+        at, values = runs.iteration.values, runs[kind].values
+        band, colour = mean_interval(values), COLOURS[self._label]
+        high, low = self._points(at, band.high), self._points(at, band.low)
+        dash = STYLES.get(self._label, ())
+        lengths = [1.8 * x for x in dash[1]] if isinstance(dash, tuple) and dash else []
+        dashes = f' stroke-dasharray="{" ".join(f"{x:.2f}" for x in lengths)}"' if lengths else ""
+        ends = self._points(np.full(len(values), self._dots), values[:, -1])
+        dots = "".join(f'<circle cx="{x:.1f}" cy="{y:.1f}" r="1.25"/>' for x, y in ends)
+        x, y = self._corner
+        return (
+            f'<svg class="curves" role="img" aria-label="{escape(alt)}" width="{self._width:.0f}pt"'
+            f' viewBox="0 0 {self._width:.1f} {self._height:.1f}"><use href="#{self._name}"/>'
+            f'<text x="{x:.1f}" y="{y - HEIGHT:.1f}" font-size="10"'
+            f' font-family="{FONT}">{escape(title)}</text>'
+            f'<path d="{_path(np.concatenate([high, low[::-1]]))}z" fill="{colour}" opacity=".18"/>'
+            f'<path d="{_path(self._points(at, band.centre))}" fill="none" stroke="{colour}"'
+            f' stroke-width="1.8"{dashes}/><g fill="{colour}" opacity=".5">{dots}</g></svg>'
+        )
+
+    def _points(self, x: np.ndarray, y: np.ndarray | float) -> np.ndarray:
+        """Places (T, 2) of data in the picture, in points from its upper left corner."""
+        return np.array([0, self._height]) + [1, -1] * (self._at(np.stack([x, y], 1)) * self._scale)
+
+    def _drawn(self, figure: BookFigure) -> str:
+        whole = figure.svg("none")
+        inside = whole[whole.index("<defs>") : whole.rindex("</svg>")]
+        # it would hold for all pictures of the page, and here it is said of one
+        inside = re.sub(r"<style.*?</style>", "", inside, flags=re.DOTALL)
+        used = set(re.findall(r"#([\w-]+)", inside))
+        inside = re.sub(
+            r' id="([^"]*)"', lambda found: found[0] if found[1] in used else "", inside
+        )
+        inside = re.sub(r"'DejaVu Sans'[^;\"]*sans-serif", FONT, inside)
+        inside = re.sub(r"<!--.*?-->|<defs>\s*</defs>", "", inside)
+        inside = re.sub(r"\s*\n\s*", " ", LONG.sub(_short, inside))
+        return (
+            f'<svg class="frame" aria-hidden="true"><symbol id="{self._name}"'
+            f' viewBox="0 0 {self._width:.1f} {self._height:.1f}"'
+            f' style="stroke-linejoin: round; stroke-linecap: butt">{inside}</symbol></svg>'
+        )
+
+
+def _short(number: re.Match[str]) -> str:
+    value = float(number[0])
+    return f"{value:.2f}" if abs(value) >= 1 else f"{value:.4g}"
+
+
+def _path(points: np.ndarray) -> str:
+    """A path through places (T, 2), told by steps of tenths of a point."""
+    tenths = np.round(10 * points).astype(int)
+    steps = np.diff(tenths, axis=0) / 10
+    first = tenths[0] / 10
+    return f"M{first[0]:g},{first[1]:g}l" + " ".join(f"{x:g},{y:g}" for x, y in steps)

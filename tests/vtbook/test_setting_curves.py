@@ -1,0 +1,58 @@
+"""A picture in lines has its curve where the axes of its frame say, and uses the frame by name."""
+
+import re
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+from xarray import Dataset
+
+from vtbook.plots import look, returns_figure
+from vtbook.setting_curves import Frame
+from vtlib.stats import mean_interval
+
+LIMITS = (0.0, 1.0)
+
+
+def runs(level):
+    """Returns of four runs about a level, of three records."""
+    noise = np.random.default_rng(0).normal(0, 0.05, (4, 3))
+    data = {"learning": (("run", "iteration"), level + noise), "optimum": ("run", [0.8] * 4)}
+    return Dataset(data, {"iteration": [1_000, 2_000, 4_000]})
+
+
+@pytest.fixture(scope="module")
+def frame():
+    with look():
+        shown = {"NT": runs(0.2), "2-MGVT": runs(0.5)}
+        figure = returns_figure(shown, LIMITS, {"learning return": "learning"}, "a", 4.1)
+        return Frame(figure, "a-frame", "2-MGVT")
+
+
+def test_a_picture_has_its_curve_where_the_axes_of_its_frame_say(frame):
+    stored = runs(0.4)
+    svg = ElementTree.fromstring(frame.picture(stored, "learning", "λ < 1", "its words"))
+    assert svg.attrib["aria-label"] == "its words"
+    assert (svg.find("text").text, svg.find("use").attrib["href"]) == ("λ < 1", "#a-frame")
+    band, line = svg.findall("path")
+    steps = re.findall(r"(-?[\d.]+),(-?[\d.]+)", line.attrib["d"])
+    at = np.cumsum(np.array(steps, float), 0)
+    mean = mean_interval(stored.learning.values).centre
+    # the same affine map takes iterations and returns to points, with returns upwards
+    x = np.polyfit(stored.iteration.values, at[:, 0], 1)
+    assert np.abs(np.polyval(x, stored.iteration.values) - at[:, 0]).max() < 0.1
+    y = np.polyfit(mean, at[:, 1], 1)
+    assert np.abs(np.polyval(y, mean) - at[:, 1]).max() < 0.1
+    assert (x[0] > 0, y[0] < 0) == (True, True)
+    ends = [float(dot.attrib["cy"]) for dot in svg.iter("circle")]
+    np.testing.assert_allclose(ends, np.polyval(y, stored.learning.values[:, -1]), atol=0.3)
+    assert band.attrib["fill"] == line.attrib["stroke"]
+
+
+def test_a_frame_names_nothing_that_others_on_its_page_could_name_otherwise(frame):
+    symbol = ElementTree.fromstring(frame.symbol.replace("xlink:href", "href"))
+    assert symbol.find("symbol").attrib["id"] == "a-frame"
+    used = {x.attrib["href"][1:] for x in symbol.iter() if "href" in x.attrib}
+    used |= set(re.findall(r"url\(#([^)]*)\)", frame.symbol))
+    assert {x.attrib["id"] for x in symbol.iter() if "id" in x.attrib} == used | {"a-frame"}
+    assert "<style" not in frame.symbol  # which would hold for the whole page
