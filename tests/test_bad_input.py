@@ -23,6 +23,7 @@ from vtlib.replay import ReplayBuffer, Transition
 from vtlib.rng import Rng
 from vtlib.td import mellowmax
 from vtlib.transfer import Settings
+from vtlib.trust import Trust
 
 Q = MLP((2, 3, 2))
 
@@ -54,7 +55,7 @@ OWN = {
     neighbours.IVONSettings: {"lambda_": POSITIVE, "clip": POSITIVE},
 }
 AGENTS = [Settings("gaussian"), Settings(components=2), MellowTDSettings(5), DDQNSettings(5)]
-ALL = [*AGENTS, Recommended()]
+ALL = [*AGENTS, Recommended(), Trust()]
 NEIGHBOURS = [getattr(neighbours, name)() for name in neighbours.__all__]
 
 

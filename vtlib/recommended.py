@@ -8,7 +8,7 @@ every task: the step is a share of the largest that is safe.
 
 from __future__ import annotations
 
-from typing import ClassVar
+from typing import ClassVar, Protocol
 
 import torch
 from attrs import field, frozen
@@ -50,6 +50,33 @@ class Recommended:
         """An agent that transfers from sources (R, S, d)."""
         return InUnits(q, sources, obs_dim, self, rng)
 
+    def in_units(self, d: int) -> Settings:
+        """The parameters of variational transfer of d weights in these units."""
+        return Settings(
+            components=self.components,
+            gamma=self.gamma,
+            lambda_=WORTH * NARROW**2,
+            minibatch=100,
+            buffer=50_000,
+            n_samples=SAMPLES,
+            alpha_L=SHARE * float(largest_step(torch.tensor(float(d)), SAMPLES)),
+            sigma_p2=NARROW**2,
+            clip=CLIP,
+            patience=FIRST,
+            responsibilities="equal",
+        )
+
+
+class InUnitsSettings(Protocol):
+    """What ``InUnits`` needs of its settings."""
+
+    @property
+    def updates(self) -> int:
+        """Gradient steps for each step of the environment."""
+
+    def in_units(self, d: int) -> Settings:
+        """The parameters of variational transfer of d weights in units of the sources."""
+
 
 class InUnits(VariationalTransfer):
     """``VariationalTransfer`` of w / u, on gradients divided by eta, several times a step.
@@ -60,7 +87,7 @@ class InUnits(VariationalTransfer):
     """
 
     def __init__(
-        self, q: QFunction, sources: Tensor, obs_dim: int, settings: Recommended, rng: Rng
+        self, q: QFunction, sources: Tensor, obs_dim: int, settings: InUnitsSettings, rng: Rng
     ) -> None:
         check_kind("sources", sources, Tensor)
         check_weights("sources", sources, "run", "source", q.d)
@@ -72,20 +99,7 @@ class InUnits(VariationalTransfer):
             )
         self._eta, self._places = torch.zeros_like(self._unit), rng.stream("curvature")
         self._updates = settings.updates
-        in_units = Settings(
-            components=settings.components,
-            gamma=settings.gamma,
-            lambda_=WORTH * NARROW**2,
-            minibatch=100,
-            buffer=50_000,
-            n_samples=SAMPLES,
-            alpha_L=SHARE * float(largest_step(torch.tensor(float(q.d)), SAMPLES)),
-            sigma_p2=NARROW**2,
-            clip=CLIP,
-            patience=FIRST,
-            responsibilities="equal",
-        )
-        super().__init__(q, sources / self._unit, obs_dim, in_units, rng)
+        super().__init__(q, sources / self._unit, obs_dim, settings.in_units(q.d), rng)
 
     @property
     def mu(self) -> Tensor:

@@ -7,6 +7,7 @@ from vtlib.posteriors.base import Descent, Posterior
 from vtlib.posteriors.blocked import Blocked
 from vtlib.posteriors.dense import Dense
 from vtlib.posteriors.diagonal import Diagonal
+from vtlib.posteriors.fixed import Fixed
 from vtlib.posteriors.fused import Fused
 from vtlib.posteriors.native import MOST_SAMPLES
 from vtlib.priors import Precision, Start
@@ -46,4 +47,9 @@ def _full(
 Maker = Callable[[Start, Precision, Descent, Stream, int], Posterior]
 
 #: A family of posteriors is chosen by its name here; a new one is a class and a line.
-COVARIANCES: dict[str, Maker] = {"full": _full, "dense": Dense, "diagonal": Diagonal}
+COVARIANCES: dict[str, Maker] = {
+    "full": _full,
+    "dense": Dense,
+    "diagonal": Diagonal,
+    "fixed": Fixed,
+}

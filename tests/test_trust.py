@@ -1,0 +1,81 @@
+"""The agent that plays sources or what it learned: units, neighbours, and what it shows."""
+
+import pytest
+import torch
+from torch import nn
+
+from vtlib.qfunctions import ModuleQ, greedy
+from vtlib.recommended import FIRST
+from vtlib.replay import Transition
+from vtlib.rng import Rng
+from vtlib.trust import Trust
+
+FEATURES, ACTIONS, RUNS, SOURCES, LENGTH = 4, 2, 2, 3, 8
+Q = ModuleQ(nn.Linear(FEATURES, ACTIONS, bias=False), ACTIONS)
+
+
+def sources(unit=1.0):
+    return torch.randn(RUNS, SOURCES, Q.d, generator=torch.Generator().manual_seed(7)) * unit
+
+
+def run(steps, unit=1.0, rows=(0, 1), reward=1.0, **settings):
+    """An agent after so many transitions in episodes of eight, and its actions on the way."""
+    g, rows = torch.Generator().manual_seed(0), list(rows)
+    agent = Trust(**settings).agent(Q, sources(unit)[rows], FEATURES, Rng("trust", rows))
+    actions = []
+    for t in range(steps):
+        obs, after = torch.randn(2, RUNS, FEATURES, generator=g)[:, rows]
+        fresh = torch.full((len(rows),), t % LENGTH == 0)
+        actions.append(agent.act(obs, fresh))
+        end = torch.full((len(rows),), t % LENGTH == LENGTH - 1)
+        earned = torch.full((len(rows),), unit * reward)
+        agent.learn(Transition(obs, actions[-1], earned, after, end))
+    return agent, torch.stack(actions)
+
+
+def test_a_source_that_keeps_its_promise_acts():
+    agent, actions = run(3 * LENGTH)
+    record = agent.records[0]
+    assert record.short == [0.0, 0.0]
+    assert max(record.played) < SOURCES
+    g = torch.Generator().manual_seed(0)
+    obs = torch.stack([torch.randn(2, RUNS, FEATURES, generator=g)[0] for _ in range(LENGTH)])
+    first = torch.stack([greedy(Q, sources()[:, :1], x) for x in obs])
+    assert torch.equal(actions[:LENGTH], first)
+    assert torch.equal(agent.mu[:, 0], sources()[[0, 1], [r.best() for r in agent.records]])
+
+
+def test_what_was_learned_acts_where_promises_are_broken():
+    agent, _ = run(FIRST + 20 * LENGTH, reward=-5.0)
+    played = agent.records[0].played
+    assert set(played[: FIRST // LENGTH]) == set(range(SOURCES))
+    assert played.count(SOURCES) > 10
+    torch.testing.assert_close(agent.mu, agent.learned.mu)
+    assert len(agent.records[0].trust) == len(played)
+
+
+def test_rewards_and_sources_in_other_units_leave_the_choice_of_who_plays_as_it_is():
+    # what is learned changes a little: kappa of mellowmax keeps its unit
+    (agent, acts), (scaled, same) = (run(150, unit=u, reward=-0.5) for u in (1.0, 64.0))
+    assert [r.played for r in scaled.records] == [r.played for r in agent.records]
+    assert (acts == same).float().mean() > 0.98  # rounding may turn a tie
+
+
+def test_a_run_does_not_depend_on_its_neighbours():
+    (both, acts), (alone, own) = run(150, reward=-5.0), run(150, rows=[1], reward=-5.0)
+    assert both.records[1] == alone.records[0]
+    assert (acts[:, 1:] == own).float().mean() > 0.98
+
+
+def test_it_starts_at_the_sources_mean_and_only_remembers_at_first():
+    before, _ = run(FIRST)
+    mean = sources().mean(1, keepdim=True).expand_as(before.learned.mu)
+    torch.testing.assert_close(before.learned.mu, mean)
+    after, _ = run(FIRST + 1)
+    assert ((after.learned.mu - mean).abs().amax(-1) > 0).all()
+
+
+@pytest.mark.parametrize("setting", ["components", "updates"])
+def test_a_setting_of_nothing_is_refused(setting):
+    with pytest.raises(ValueError, match=setting):
+        Trust(**{setting: 0})

@@ -1,0 +1,149 @@
+"""Whether sources keep in a task what they promise there, and which of them plays an episode.
+
+The values of the sources at the first state of an episode promise a return. A source either is of
+the task's kind, and its returns fall short of the promise by about as much as the sources' values
+differ, or it is not, and they may fall short by ten times as much. What share of the sources is of
+the task's kind is unknown beforehand. A mixture with free weights learns it from returns, where
+section 5.2.2 of the thesis fixes the weights at 1 / C.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from attrs import define, field
+
+from vtlib.checks import whole
+
+WIDE = 10.0  # how many times as far the returns of a source of another kind may fall short
+KEPT = 0.5  # a source that is likelier of the task's kind than this keeps its promise
+LOOKS = 32  # from this episode on the learned part plays in episodes that are powers of two
+RECENT = 20  # episodes that tell what the learned part earns now
+AHEAD = 1.0  # deviations of a return by which the better of both has to lead
+# What share of the sources is of the task's kind: as likely none as anything, which is uniform.
+SHARES = np.append(0.0, (np.arange(200) + 0.5) / 200)
+PRIOR = np.append(0.5, np.full(200, 0.5 / 200))
+
+
+def evidence(shortfall: np.ndarray) -> np.ndarray:
+    """How much likelier shortfalls (n,), in spreads, are of the task's kind than of another.
+
+    Both laws are half normal, with deviations 1 and 10. To earn more than was promised is no
+    evidence against a source.
+    """
+    square = np.square(np.maximum(shortfall, 0.0))
+    return np.asarray(WIDE * np.exp(-square * (1 - WIDE**-2) / 2))
+
+
+def beliefs(factors: np.ndarray) -> tuple[np.ndarray, float]:
+    """Probabilities (n,) that tried sources are of the task's kind, and that another one is.
+
+    factors (n,): the evidence of each source tried. A share of the sources is of the task's kind;
+    it is summed out, after a spike at none and a uniform slab.
+    """
+    own = SHARES[:, None] * factors
+    either = own + 1 - SHARES[:, None]
+    log_weight = np.log(PRIOR) + np.log(either).sum(1)
+    weight = np.exp(log_weight - log_weight.max())
+    weight /= weight.sum()
+    return weight @ (own / either), float(weight @ SHARES)
+
+
+@define
+class Record:
+    """What one run has seen of ``count`` sources and of what it has learned, which is the last arm.
+
+    For each episode: played, the arm; trust, the probability beforehand that an untried source is
+    of the task's kind; gained, the return; short, by how many spreads it fell short of the promise.
+    The lists are the whole state: a record made of them goes on as if nothing had happened.
+    """
+
+    count: int = field(validator=whole())
+    played: list[int] = field(factory=list)
+    trust: list[float] = field(factory=list)
+    gained: list[float] = field(factory=list)
+    short: list[float] = field(factory=list)
+
+    def add(self, gained: float, promise: float, spread: float) -> None:
+        """Note what the arm that was chosen last earned, and how that compares with a promise."""
+        missing = max(promise - gained, 0.0)
+        self.gained.append(gained)
+        # where sources do not differ, they keep a promise to the letter or not at all
+        self.short.append(missing / spread if spread > 0 else 2 * WIDE * (missing > 0))
+
+    def choose(self, promise: float, begun: bool, coin: float, normal: np.ndarray) -> int:
+        """The arm of the next episode, by a uniform number and normal ones (S,).
+
+        promise: that of the episode. begun: whether the learned part has learned anything yet;
+        until then only sources play.
+        """
+        kept, another = self.kept()
+        self.trust.append(another)
+        fresh = [j for j in range(self.count) if j not in self.tried][:1]
+        hope = fresh if coin < another else []
+        if not begun:
+            arm = self._draw(kept, hope, normal) if kept else next(iter(fresh), self.best())
+        elif self._looks():
+            arm = self.count
+        elif kept:
+            arm = self._draw(kept, hope, normal) if self.source_leads else self.count
+        elif hope and self.learned() < promise:
+            arm = hope[0]
+        else:
+            arm = self.best() if self.source_leads else self.count
+        self.played.append(arm)
+        return arm
+
+    @property
+    def source_leads(self) -> bool:
+        """Whether a source is to play: one that keeps its promise unless the learned part leads."""
+        return self.lead() >= -AHEAD if self.kept()[0] else self.lead() > AHEAD
+
+    @property
+    def tried(self) -> list[int]:
+        """The sources that have played an episode to its end."""
+        ended = self.played[: len(self.gained)]
+        return sorted({arm for arm in ended if arm < self.count})
+
+    def returns(self, arm: int) -> list[float]:
+        """What an arm has earned, episode by episode."""
+        return [x for j, x in zip(self.played, self.gained, strict=False) if j == arm]
+
+    def kept(self) -> tuple[list[int], float]:
+        """Tried sources that are likely of the task's kind, and the probability for another."""
+        tried, ended = self.tried, list(zip(self.played, self.short, strict=False))
+        short = np.array([np.mean([x for arm, x in ended if arm == j]) for j in tried])
+        of_kind, another = beliefs(evidence(short))
+        return [j for j, p in zip(tried, of_kind, strict=True) if p > KEPT], another
+
+    def learned(self) -> float:
+        """What the learned part earns now; minus infinity before it has played."""
+        recent = self.returns(self.count)[-RECENT:]
+        return float(np.mean(recent)) if recent else -np.inf
+
+    def lead(self) -> float:
+        """By how many deviations of a return the best source is ahead of the learned part.
+
+        0 before both have played.
+        """
+        learned, scale = self.learned(), float(np.std(self.gained)) if self.gained else 0.0
+        if not self.tried or learned == -np.inf or scale == 0:
+            return 0.0
+        return float((np.mean(self.returns(self.best())) - learned) / scale)
+
+    def best(self) -> int:
+        """The tried source with the highest mean return; the first source before any is tried."""
+        return max(self.tried, key=lambda j: np.mean(self.returns(j)), default=0)
+
+    def _looks(self) -> bool:
+        episode = len(self.played) + 1
+        return episode >= LOOKS and episode.bit_count() == 1
+
+    def _draw(self, kept: list[int], hope: list[int], normal: np.ndarray) -> int:
+        """Thompson sampling among sources of the task's kind, which are alike beforehand."""
+        returns = [self.returns(j) for j in kept] + [[] for _ in hope]
+        every = [x for own in returns for x in own]
+        centre, scale = np.mean(every), np.std(every)
+        count = np.array([len(own) for own in returns])
+        means = (np.array([sum(own) for own in returns]) + centre) / (count + 1)
+        arms = kept + hope
+        return arms[int((means + scale / np.sqrt(count + 1) * normal[arms]).argmax())]

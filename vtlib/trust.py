@@ -1,0 +1,120 @@
+"""Play the sources while they keep their promise, and learn from all that is seen meanwhile.
+
+``vtlib.promises`` says which source plays an episode, and when what was learned plays instead. What
+is learned is a mixture of Gaussians whose covariances stay the prior's, so that a step costs as
+much as fine-tuning a few networks.
+"""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import numpy as np
+import torch
+from attrs import field, frozen
+from torch import Tensor
+
+from vtlib.checks import between, whole
+from vtlib.promises import Record
+from vtlib.qfunctions import QFunction
+from vtlib.recommended import CLIP, FIRST, NARROW, WORTH, InUnits
+from vtlib.replay import Transition
+from vtlib.rng import Rng
+from vtlib.transfer import Settings
+
+STEP = 4e-3  # Adam's, in units of the sources
+
+
+@frozen
+class Trust:
+    """Parameters of the method, the same for every task.
+
+    components, updates, gamma: those of the posterior that learns. Raises ValueError for a value
+    outside its range.
+    """
+
+    transfers: ClassVar[bool] = True
+
+    components: int = field(default=3, validator=whole())
+    updates: int = field(default=8, validator=whole())
+    gamma: float = field(default=0.99, validator=between(0, 1, below=True))
+
+    def agent(self, q: QFunction, sources: Tensor, obs_dim: int, rng: Rng) -> Trusting:
+        """An agent that transfers from sources (R, S, d)."""
+        return Trusting(q, sources, obs_dim, self, rng)
+
+    def in_units(self, d: int) -> Settings:
+        """The parameters of the posterior that learns, in the units of the sources."""
+        return Settings(
+            components=self.components,
+            gamma=self.gamma,
+            lambda_=WORTH * NARROW**2,
+            buffer=50_000,
+            n_samples=1,
+            alpha_mu=STEP,
+            sigma_p2=NARROW**2,
+            init="mean",
+            covariance="fixed",
+            clip=CLIP,
+            patience=FIRST,
+            responsibilities="equal",
+        )
+
+
+class Trusting:
+    """An agent of R runs that plays sources (R, S, d), or what it learns from all steps.
+
+    ``records`` tell what each run has seen, and so why it acts as it does.
+    """
+
+    def __init__(
+        self, q: QFunction, sources: Tensor, obs_dim: int, settings: Trust, rng: Rng
+    ) -> None:
+        self.learned = InUnits(q, sources, obs_dim, settings, rng)
+        runs, count, _ = sources.shape
+        self._q, self._sources, self._gamma = q, sources.detach(), settings.gamma
+        self.records = [Record(count) for _ in range(runs)]
+        self._coin, self._normal = rng.stream("hypothesis"), rng.stream("source")
+        self._rows, self._arm = torch.arange(runs), torch.full((runs,), -1)
+        self._steps = 0
+        self._gained, self._discount = torch.zeros(runs), torch.ones(runs)
+        # what sources promised at the episode's start, and how far apart they were
+        self._promise, self._spread = torch.zeros(runs), torch.zeros(runs)
+
+    @property
+    def mu(self) -> Tensor:
+        """Weights (R, C, d) of what leads at present: the posterior's means, or a source."""
+        mu = self.learned.mu
+        best = torch.tensor([record.best() for record in self.records])
+        source = self._sources[self._rows, best].unsqueeze(1).expand_as(mu)
+        leads = torch.tensor([record.source_leads for record in self.records])
+        return torch.where(leads.view(-1, 1, 1), source, mu)
+
+    def act(self, obs: Tensor, fresh: Tensor) -> Tensor:
+        """Greedy actions (R,) of a source or of a draw; fresh (R,) marks first steps."""
+        values = self._q.q(self._sources, self._q.prepare(obs.unsqueeze(1)))[..., 0]
+        best = values.amax(-1)
+        # drawn at every step: a run's stream must not depend on when its neighbours' episodes end
+        coin, normal = self._coin.uniform(1), self._normal.normal(values.shape[1])
+        for row in fresh.nonzero().flatten().tolist():
+            self._begin(row, best[row], float(coin[row]), normal[row].numpy())
+        arm = self._arm.clamp(max=values.shape[1] - 1)
+        shown = values[self._rows, arm].argmax(-1)
+        return torch.where(self._arm == values.shape[1], self.learned.act(obs, fresh), shown)
+
+    def learn(self, transition: Transition) -> None:
+        """Add up returns, and let the posterior take in one transition of each run."""
+        self._steps += 1
+        self._gained += self._discount * transition.reward
+        self._discount *= self._gamma
+        self.learned.learn(transition)
+
+    def _begin(self, row: int, values: Tensor, coin: float, normal: np.ndarray) -> None:
+        """End the episode of a run, and choose the arm of the next."""
+        record = self.records[row]
+        if self._arm[row] >= 0:
+            record.add(*(float(x[row]) for x in (self._gained, self._promise, self._spread)))
+        self._promise[row], self._spread[row] = values.mean(), values.std(correction=0)
+        promise, begun = float(self._promise[row]), self._steps >= FIRST
+        self._arm[row] = record.choose(promise, begun, coin, normal)
+        self._gained[row], self._discount[row] = 0.0, 1.0
