@@ -66,8 +66,8 @@ FACTORIAL = evolve(
 )
 
 
-def effects(part: str) -> np.ndarray:
-    """What a part adds to the share of the optimum (N, R), in all N combinations of the others.
+def effects(part: str, *others: str) -> np.ndarray:
+    """What a part adds to the share of the optimum (N, R), in all N combinations with some others.
 
     Only the part that is a start is compared with the start from nothing, where nothing else adds.
     """
@@ -75,6 +75,8 @@ def effects(part: str) -> np.ndarray:
     pairs = [
         (x, x.replace(without, present))
         for x in FACTORIAL.algorithms
-        if without in x and (without == STARTS[0] or not x.startswith(STARTS[0]))
+        if without in x
+        and all(other in x for other in others)
+        and (without == STARTS[0] or not x.startswith(STARTS[0]))
     ]
     return np.stack([ROOMS.earned(FACTORIAL, b) - ROOMS.earned(FACTORIAL, a) for a, b in pairs])
