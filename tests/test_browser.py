@@ -55,19 +55,22 @@ SETTINGS = {
 }
 
 
+SHOWN = (
+    "[...document.querySelectorAll('.widget-subarea :is(img, svg.curves)')]"
+    ".filter(one => one.checkVisibility())"
+)
+
+
 def pictures(page):
-    """The sources of the pictures that the sliders show."""
-    return page.evaluate(
-        "[...document.querySelectorAll('.widget-subarea img')].filter(i => i.offsetParent)"
-        ".map(i => i.src)"
-    )
+    """The pictures that the sliders show."""
+    return page.evaluate(f"{SHOWN}.map(one => one.outerHTML)")
 
 
 def assert_shown(page, setting, panels):
     """One picture is visible in each panel, and one description names the setting."""
-    visible = "[...document.querySelectorAll('.widget-subarea img')].filter(i => i.offsetParent)"
-    named = "v.filter(i => texts.every(t => i.alt.includes(t))).length === 1"
-    test = f"([texts, panels]) => {{ const v = {visible}; return v.length === panels && {named} }}"
+    words = "(i.alt ?? i.getAttribute('aria-label'))"
+    named = f"v.filter(i => texts.every(t => {words}.includes(t))).length === 1"
+    test = f"([texts, panels]) => {{ const v = {SHOWN}; return v.length === panels && {named} }}"
     page.wait_for_function(test, arg=[setting, panels])
 
 

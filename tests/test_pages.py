@@ -30,8 +30,9 @@ def opened(vendored, book, watched, name):
 THEME = "theme => { document.documentElement.dataset.theme = theme }"
 NAMED = "least => document.querySelectorAll('.noUi-handle[aria-label]').length >= least"
 ANOTHER_PICTURE = """([panel, shown]) => {
-  const seen = [...panel.querySelectorAll('img')].filter(one => one.offsetParent);
-  return seen.length === 1 && !shown.includes(seen[0].alt) && seen[0].alt;
+  const seen = [...panel.querySelectorAll('img, svg.curves')].filter(one => one.checkVisibility());
+  const words = seen[0]?.alt ?? seen[0]?.getAttribute('aria-label');
+  return seen.length === 1 && !shown.includes(words) && words;
 }"""
 
 

@@ -37,7 +37,7 @@ document.addEventListener("DOMContentLoaded", () => {
 
 /* No line ends within the name of an algorithm, such as 1-MGVT. */
 document.addEventListener("DOMContentLoaded", () => {
-  const apart = "code, pre, script, select, style, svg, .math, .race, .trainer";
+  const apart = "code, pre, script, select, style, svg, .math, .sig, .race, .trainer";
   const article = document.querySelector(".bd-article") ?? document.createElement("div");
   const texts = document.createTreeWalker(article, NodeFilter.SHOW_TEXT);
   const found = [];
