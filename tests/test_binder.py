@@ -11,6 +11,7 @@ import pytest
 ROOT = Path(__file__).resolve().parents[1]
 
 
+# It downloads and compiles what the other tests have set up already. The workflow runs it.
 @pytest.mark.skipif(
     "VTLIB_BINDER" not in os.environ,
     reason="installs everything anew, which takes minutes: the workflow sets VTLIB_BINDER=1",

@@ -203,7 +203,9 @@ def check_environment(env: object) -> None:
 def _flattens(space: gymnasium.Space[Any]) -> bool:
     try:
         return isinstance(space, FLATTENED) and space.is_np_flattenable
-    except NotImplementedError:  # MiniGrid's texts do not know
+    except NotImplementedError:
+        # A space from elsewhere, such as that of MiniGrid's missions, may leave the question open.
+        # FlattenObservation fails on it, so the advice to use it would be wrong.
         return False
 
 

@@ -46,7 +46,7 @@ def bound(experiment: Experiment, label: str, rate: float) -> float:
 
 
 def sources(pool: Pool) -> np.ndarray:
-    """Random weights (count, d): the speed is that of solved ones."""
+    """Random weights (count, d), which take as long as solved ones."""
     rng = generator("bench", 0, "sources")
     return 0.1 * rng.standard_normal((pool.count, pool.family.q().d), np.float32)
 

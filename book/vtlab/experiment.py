@@ -85,9 +85,9 @@ class Experiment:
     ``excluded`` are sources that no run may draw; ``visits`` keeps the positions that the agents
     visit; ``probe`` makes, of an experiment, a label, some runs and their tasks, what looks at the
     agents at each record, by ``look(agent)``, in so many places as ``probes`` says; its ``arrays``
-    over the runs are stored with the returns. The greedy return of a mixture is that of its mean
-    Q-function, or the mean over ``each`` of its components. Raises ValueError for a value outside
-    its range.
+    over the runs are stored with the returns. A mixture's greedy return is earned by its mean
+    Q-function, or is the mean over ``each`` of its components. Raises ValueError for a value
+    outside its range.
     """
 
     name: str = field(validator=checks.name())

@@ -17,7 +17,7 @@ STEEPNESS = (0.8, 1.2)  # of the gravity that the sources know
 
 @frozen(eq=False, slots=False)
 class SteepCar(MountainCar):
-    """Mountain cars whose gravity is `steepness` (R,) times that of Gymnasium's."""
+    """Mountain cars whose gravity is `steepness` (R,) times as strong as Gymnasium's."""
 
     steepness: Tensor = field(factory=lambda: torch.ones(1))
 
