@@ -18,7 +18,6 @@ from vtbook import neighbours
 from vtlib.baselines import DDQNSettings, FineTuning, MellowTDSettings
 from vtlib.checks import LARGEST, SHOWN, one_line, shown
 from vtlib.qfunctions import MLP, ModuleQ, RBFLinear
-from vtlib.recommended import Recommended
 from vtlib.replay import ReplayBuffer, Transition
 from vtlib.rng import Rng
 from vtlib.td import mellowmax
@@ -55,7 +54,7 @@ OWN = {
     neighbours.IVONSettings: {"lambda_": POSITIVE, "clip": POSITIVE},
 }
 AGENTS = [Settings("gaussian"), Settings(components=2), MellowTDSettings(5), DDQNSettings(5)]
-ALL = [*AGENTS, Recommended(), Trust()]
+ALL = [*AGENTS, Trust()]
 NEIGHBOURS = [getattr(neighbours, name)() for name in neighbours.__all__]
 
 

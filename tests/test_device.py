@@ -16,16 +16,18 @@ from vtbook.neighbours import (
     HeadsSettings,
     IVONSettings,
     LangevinSettings,
+    Recommended,
     UnstartedSettings,
 )
 from vtlab.experiment import Algorithm
 from vtlib import posteriors
 from vtlib.baselines import FineTuning, MellowTDSettings
 from vtlib.qfunctions import MLP, QFunction, RBFLinear
-from vtlib.recommended import FIRST, Recommended
 from vtlib.replay import Transition
 from vtlib.rng import Rng
 from vtlib.transfer import Settings
+from vtlib.trust import Trust
+from vtlib.units import FIRST
 
 CARD = torch.device("cuda", 0)
 CARDS = ("cuda", torch.device("cuda"), CARD)
@@ -70,7 +72,9 @@ def course(q: QFunction, settings: Algorithm, device: str) -> list[Tensor]:
         taken.append(agent.act(obs[t], flags))
         reward = torch.tensor([1e5 if t % 7 == 6 else 1.0, 1.0])
         agent.learn(Transition(obs[t], taken[-1], reward, obs[t + 1], flags))
-    factors = getattr(agent, "scale_tril", torch.zeros(0))  # of what has a posterior
+    factors = getattr(
+        getattr(agent, "learned", agent), "scale_tril", torch.zeros(0)
+    )  # of what has a posterior
     return [agent.mu.detach().cpu(), factors.cpu(), torch.stack(taken)]
 
 
@@ -88,6 +92,7 @@ SHORT = partial(Settings, lambda_=1e-2, alpha_L=1e-4, minibatch=3, n_samples=2)
         SHORT(components=3, init="mean", responsibilities="equal", act="episode"),
         SHORT(components=3, covariance="diagonal", kl="diagonal"),
         Recommended(),
+        Trust(),
         FineTuning(MellowTDSettings(epsilon_steps=9)),
         IVONSettings(),
         LangevinSettings(alpha=1e-9),

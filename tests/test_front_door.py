@@ -9,7 +9,7 @@ import pytest
 import torch
 
 import vtlib
-from vtlib import MLP, FineTuning, Learned, MellowTDSettings, ModuleQ, Pool, Recommended, Settings
+from vtlib import MLP, FineTuning, Learned, MellowTDSettings, ModuleQ, Pool, Settings, Trust
 
 Q, CALLS, PAIR = MLP((4, 3, 2)), 300, [1, 2]
 WORDS = (" must ", "must be", "needs ")
@@ -21,7 +21,7 @@ ODD += [10**5000, "a\nb", (), [None], PAIR, np.array("x"), torch.nn.Linear(4, 2)
 def learned():
     runs, none = torch.ones(1), torch.empty(0, dtype=torch.int64)
     parts = torch.ones(1, 1, Q.d), none, torch.empty(1, 0), runs.long(), runs.bool()
-    return Learned(*parts, q=Q, settings=Recommended())
+    return Learned(*parts, q=Q, settings=Trust())
 
 
 def calls():
@@ -35,7 +35,7 @@ def calls():
         (vtlib.solve, {"envs": envs, "q": Q, "settings": MellowTDSettings(1), **learning}),
         (
             vtlib.transfer,
-            {"envs": envs, "q": Q, "sources": sources, "settings": FineTuning(), **learning}
+            {"envs": envs, "q": Q, "sources": sources, "settings": Trust(), **learning}
             | {"device": "cpu"},
         ),
         (vtlib.evaluate, {"envs": envs, "q": Q, "weights": weights, **counts}),
@@ -46,7 +46,7 @@ def calls():
         (learned().values, {"obs": np.zeros(4), "run": 0}),
         (MLP, {"sizes": (4, 2)}),
         (ModuleQ, {"module": torch.nn.Linear(4, 2), "n_actions": 2}),
-        (Recommended, {"components": 3, "updates": 4, "gamma": 0.9}),
+        (Trust, {"components": 3, "updates": 4, "gamma": 0.9}),
         (Settings, {"family": "mixture", "components": 1, "gamma": 0.9, "n_samples": 3}),
         (FineTuning, {"learner": MellowTDSettings(1), "start": "one"}),
         (Learned.load, {"path": "nothing.npz"}),
@@ -56,6 +56,7 @@ def calls():
 
 GOOD = {  # what is odd elsewhere, and right here
     "settings": (None,),
+    "trials": (None,),
     "callback": (None, len, int, Settings),
     "sizes": (PAIR,),
     "task": ("x",),

@@ -8,8 +8,8 @@ import torch
 from vtlib.learned import Learned
 from vtlib.playing import evaluate
 from vtlib.qfunctions import MLP, ModuleQ, RBFLinear
-from vtlib.recommended import Recommended
 from vtlib.transfer import Settings
+from vtlib.trust import Trust
 
 Q = MLP((4, 8, 2))
 
@@ -84,9 +84,9 @@ def test_what_cannot_be_seen_is_refused(obs, run, message):
 @pytest.mark.parametrize("q", [Q, RBFLinear(torch.arange(3.0), 0.5, 2)])
 def test_a_file_knows_q_settings_and_seed(tmp_path, q):
     path = tmp_path / "x.npz"
-    learned(d=q.d, q=q, settings=Recommended(gamma=0.9), seed=7, interrupted=True).save(path)
+    learned(d=q.d, q=q, settings=Trust(gamma=0.9), seed=7, interrupted=True).save(path)
     again = Learned.load(path)
-    assert (again.settings, again.gamma, again.seed) == (Recommended(gamma=0.9), 0.9, 7)
+    assert (again.settings, again.gamma, again.seed) == (Trust(gamma=0.9), 0.9, 7)
     assert (type(again.q), again.q.d, again.interrupted) == (type(q), q.d, True)
 
 

@@ -11,7 +11,7 @@ from vtlib.files import TornResult
 from vtlib.learned import Learned
 from vtlib.pool import EPISODES, Pool
 from vtlib.qfunctions import MLP
-from vtlib.recommended import Recommended
+from vtlib.trust import Trust
 
 Q = MLP((2, 2))
 
@@ -35,7 +35,7 @@ def learned(*biases):
     weights = torch.tensor([[0, 0, 0, 0, 0, float(x)] for x in biases]).unsqueeze(0)
     runs, none = torch.ones(1), torch.empty(0, dtype=torch.int64)
     parts = weights, none, torch.empty(1, 0), runs.long(), runs.bool()
-    return Learned(*parts, q=Q, settings=Recommended(gamma=0.5))
+    return Learned(*parts, q=Q, settings=Trust(gamma=0.5))
 
 
 @pytest.fixture

@@ -59,3 +59,15 @@ def test_a_sample_does_not_change_with_the_buffer_and_an_empty_one_has_none():
     assert_are(batch, range(1), [0, 1, 2])
     with pytest.raises(ValueError, match="empty replay buffer"):
         filled(0, 4).sample(torch.zeros(RUNS, 1))
+
+
+@pytest.mark.parametrize("count", [0, 3, 4, 11])
+def test_another_buffer_goes_on_from_what_one_held(count):
+    buffer, other = filled(count, 4), ReplayBuffer(RUNS, 4, obs_dim=2)
+    other.fill(buffer.rows())
+    for t in range(count, count + 3):
+        buffer.add(transition(t)), other.add(transition(t))
+    times = range(max(0, count - 1), count + 3)
+    places = (torch.arange(len(times)) / len(times)).expand(RUNS, -1)
+    for held in (buffer, other):
+        assert_are(held.sample(places), times, list(range(RUNS)))

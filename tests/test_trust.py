@@ -5,10 +5,10 @@ import torch
 from torch import nn
 
 from vtlib.qfunctions import ModuleQ, greedy
-from vtlib.recommended import FIRST
 from vtlib.replay import Transition
 from vtlib.rng import Rng
 from vtlib.trust import Trust
+from vtlib.units import FIRST
 
 FEATURES, ACTIONS, RUNS, SOURCES, LENGTH = 4, 2, 2, 3, 8
 Q = ModuleQ(nn.Linear(FEATURES, ACTIONS, bias=False), ACTIONS)
@@ -73,6 +73,28 @@ def test_it_starts_at_the_sources_mean_and_only_remembers_at_first():
     torch.testing.assert_close(before.learned.mu, mean)
     after, _ = run(FIRST + 1)
     assert ((after.learned.mu - mean).abs().amax(-1) > 0).all()
+
+
+def test_its_state_is_all_that_it_takes_to_go_on():
+    before, _ = run(FIRST + 10 * LENGTH + 3, reward=-5.0)
+    after = Trust().agent(Q, sources(), FEATURES, Rng("other", [0, 1]))
+    after.restore(before.state())
+    ended = len(before.records[0].gained)
+    for mine, theirs in zip(after.records, before.records, strict=True):
+        assert (mine.played, len(mine.trust)) == (theirs.played[:ended], ended)
+        assert mine.gained == pytest.approx(theirs.gained)
+        assert mine.short == pytest.approx(theirs.short)
+    for agent in (before, after):  # the same random numbers from here on
+        again, learner = Rng("again", [0, 1]), agent.learned
+        learner._replay, learner._posterior._noise = again.stream("a"), again.stream("b")
+        learner._samples = learner._posterior.sample()
+    g = torch.Generator().manual_seed(9)
+    for _ in range(3):
+        obs, later = torch.randn(2, RUNS, FEATURES, generator=g)
+        nothing = torch.zeros(RUNS)
+        t = Transition(obs, nothing.long(), nothing, later, nothing.bool())
+        before.learned.learn(t), after.learned.learn(t)
+    torch.testing.assert_close(after.learned.mu, before.learned.mu)
 
 
 @pytest.mark.parametrize("setting", ["components", "updates"])

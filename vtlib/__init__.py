@@ -6,9 +6,9 @@ from vtlib.learned import Learned
 from vtlib.playing import evaluate, play
 from vtlib.pool import Pool
 from vtlib.qfunctions import MLP, ModuleQ, RBFLinear
-from vtlib.recommended import Recommended
 from vtlib.stats import mean_interval
 from vtlib.transfer import Settings
+from vtlib.trust import Trust
 
 __all__ = [
     "MLP",
@@ -19,8 +19,8 @@ __all__ = [
     "ModuleQ",
     "Pool",
     "RBFLinear",
-    "Recommended",
     "Settings",
+    "Trust",
     "evaluate",
     "mean_interval",
     "play",

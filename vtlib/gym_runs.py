@@ -18,12 +18,13 @@ from vtlib.episodes import GymEpisodes
 from vtlib.learned import Learned
 from vtlib.playing import check_envs, episodes_of, greedy_episodes, stream_name
 from vtlib.qfunctions import QFunction
-from vtlib.recommended import Recommended
 from vtlib.rng import Rng
 from vtlib.training import Agent, arithmetic, check_finite, iterate
 from vtlib.transfer import Settings, VariationalTransfer
+from vtlib.trust import Trust, Trusting
 
 EVERY = 100  # iterations from one record to the next
+TRIALS = 10  # episodes that decide what is kept
 
 Callback = Callable[[int, Tensor, Tensor], bool | None]
 
@@ -80,9 +81,7 @@ def _with_reached(learned: Learned, start: Tensor, play: Any) -> Learned:
     except ValueError as error:  # learning took long, and an endless episode must not lose it
         warnings.warn(f"what was reached is not known: {error}", stacklevel=4)
         return learned
-    gain = reached - before
-    noise = gain.std(1, correction=0) / (gain.shape[1] - 1) ** 0.5
-    nothing = ~((gain.mean(1) > 0) & (gain.mean(1) >= noise))
+    nothing = ~_clear(reached - before)
     if bool(nothing.any()):
         runs = ", ".join(map(str, nothing.nonzero().flatten().tolist()))
         fault = f"runs {runs} of solve learned nothing: greedy play earns no more than"
@@ -96,26 +95,75 @@ def transfer(
     q: QFunction,
     sources: Tensor,
     iterations: int,
-    settings: Settings | FineTuning | Recommended | None = None,
+    settings: Trust | Settings | FineTuning | None = None,
     *,
-    trials: int = 20,
+    trials: int | None = None,
     seed: int = 0,
     callback: Callback | None = None,
     progress: bool = False,
     device: str = "cpu",
 ) -> Learned:
-    """Learn each environment with a prior from sources (S, d): Algorithm 1, made safe.
+    """Learn each environment with what sources (S, d) know, ``weights[:, 0]`` of ``solve``.
 
-    Each source first plays ``trials`` greedy episodes; the best come first, where components start.
-    In the end the posterior's means play as many, and are kept where they earn at least the
-    standard error of the difference more than the best source; with trials = 0 none is played, nor
-    after Ctrl-C, which ends the learning and returns what was learned.
-    The default is ``Recommended``. sources: ``weights[:, 0]`` of ``solve``. device: where
-    posteriors are kept. Raises as ``solve``, and ValueError for missing, bad or misshapen sources,
-    one trial, or a device that torch lacks.
+    The default, ``Trust``, plays the sources while they keep their promise and learns meanwhile. In
+    the end its best source and what it learned play ``trials`` greedy episodes each, ten unless
+    said otherwise, and what was learned is kept where it earns more, and by at least the standard
+    error of the difference; ``steps`` counts these episodes, too. With trials = 0 the returns while
+    learning decide, and after Ctrl-C, which ends the learning and returns what was learned. Other
+    settings run alone, and take no trials. device: where posteriors are kept. Raises as ``solve``,
+    and ValueError for missing, bad or misshapen sources, one trial, or a device that torch lacks.
     """
+    settings = Trust() if settings is None else settings
+    # only posteriors are kept elsewhere than on the processor
+    place = "cpu" if isinstance(settings, FineTuning) else device
+    check_transfer(envs, q, sources, iterations, settings, trials, callback, place)
+    gamma = (settings.learner if isinstance(settings, FineTuning) else settings).gamma
+    name = stream_name("transfer", seed)
+    shared = sources.detach().expand(len(envs), *sources.shape).to(place)
+    episodes, rng = episodes_of(envs, q, name, gamma), Rng(name, range(len(envs)))
+    agent = settings.agent(q, shared, episodes.obs_dim, rng)
+    count = TRIALS if trials is None else trials
+    with tqdm(total=iterations, unit=" steps", disable=not progress) as bar:
+        learned = _learn(agent, episodes, iterations, name, callback, bar)
+        learned = evolve(learned, q=q, settings=settings, seed=seed)
+        if not isinstance(agent, Trusting) or learned.interrupted or not count:
+            return learned
+        play = partial(_play, envs, q, episodes=count, name=f"{name} trial", gamma=gamma, bar=bar)
+        try:
+            return _with_the_better(learned, agent, play)
+        except KeyboardInterrupt:
+            return evolve(learned, interrupted=True)
+
+
+def _with_the_better(learned: Learned, agent: Trusting, play: Any) -> Learned:
+    """What was learned where it earns more than the best source in trials, else that source."""
+    mu, source = agent.learned.mu.cpu(), agent.best_source
+    (ours, took), (theirs, also) = play(weights=mu), play(weights=source)
+    gain = ours - theirs
+    improved = _clear(gain)
+    weights = torch.where(improved.view(-1, 1, 1), mu, source.expand_as(mu))
+    return evolve(learned, weights=weights, steps=learned.steps + took + also, improved=improved)
+
+
+def _clear(gain: Tensor) -> Tensor:
+    """Whether gains (R, episodes) are above 0 on average, and at least by their standard error."""
+    noise = gain.std(1, correction=0) / (gain.shape[1] - 1) ** 0.5
+    clear: Tensor = (gain.mean(1) > 0) & (gain.mean(1) >= noise)
+    return clear
+
+
+def check_transfer(
+    envs: object,
+    q: object,
+    sources: object,
+    iterations: object,
+    settings: object,
+    trials: object,
+    callback: object,
+    device: object,
+) -> None:
+    """Raise ValueError for arguments with which ``transfer`` cannot work."""
     check_whole("iterations", iterations)
-    check_trials(trials)
     check_kind("callback", callback, Callable | None)
     check_kind("device", device, str)
     check_envs(envs)
@@ -123,46 +171,19 @@ def transfer(
     if isinstance(sources, Learned):
         raise ValueError("sources must be a Tensor, got what solve returns: pass .weights[:, 0]")
     check_kind("sources", sources, Tensor)
-    check_weights("sources", sources, "source", q.d)
-    settings = Recommended() if settings is None else settings
+    check_weights("sources", sources, "source", q.d)  # type: ignore[attr-defined]
     if isinstance(settings, MellowTDSettings | DDQNSettings):
         kind = type(settings).__name__
         raise ValueError(f"settings must transfer, got {kind}: wrap it in FineTuning")
-    check_kind("settings", settings, Settings | FineTuning | Recommended)
-    # only posteriors are kept elsewhere than on the processor
-    place = "cpu" if isinstance(settings, FineTuning) else device
+    check_kind("settings", settings, Trust | Settings | FineTuning)
+    if trials is not None:
+        check_trials(trials)
+        if not isinstance(settings, Trust):
+            raise ValueError(f"trials must be None where settings are given, got {trials}")
     try:
-        torch.empty(0, device=place)
+        torch.empty(0, device=device)  # type: ignore[call-overload]
     except (RuntimeError, AssertionError, TypeError) as error:
         raise ValueError(f"device must be one that torch has here, got {shown(device)}") from error
-    gamma = (settings.learner if isinstance(settings, FineTuning) else settings).gamma
-    name, sources = stream_name("transfer", seed), sources.detach().cpu()
-    shared = sources.expand(len(envs), *sources.shape)
-    steps = torch.zeros(len(envs), dtype=torch.int64)
-    bar = tqdm(total=iterations, unit=" steps", disable=not progress)
-    play = partial(_play, envs, q, episodes=trials, name=f"{name} trial", gamma=gamma, bar=bar)
-    if trials:
-        plays = [play(weights=source) for source in shared.split(1, 1)]
-        steps += sum(length for _, length in plays)
-        returns = torch.stack([episodes for episodes, _ in plays], 1)
-        order = torch.argsort(-returns.mean(2), dim=1, stable=True)
-        shared = shared.gather(1, order.unsqueeze(2).expand_as(shared))
-    episodes, rng = episodes_of(envs, q, name, gamma), Rng(name, range(len(envs)))
-    agent = settings.agent(q, shared.to(place), episodes.obs_dim, rng)
-    learned = _learn(agent, episodes, iterations, name, callback, bar)
-    learned = evolve(learned, steps=learned.steps + steps, q=q, settings=settings, seed=seed)
-    try:
-        if not trials or learned.interrupted:
-            return learned
-        last, length = play(weights=learned.weights)
-    except KeyboardInterrupt:
-        return evolve(learned, interrupted=True)
-    finally:
-        bar.close()
-    gain = last - returns[torch.arange(len(envs)), order[:, 0]]
-    improved = gain.mean(1) >= gain.std(1, correction=0) / (trials - 1) ** 0.5
-    weights = torch.where(improved.view(-1, 1, 1), learned.weights, shared[:, :1])
-    return evolve(learned, weights=weights, steps=learned.steps + length, improved=improved)
 
 
 @arithmetic()
@@ -174,10 +195,12 @@ def resume(
     callback: Callback | None = None,
     progress: bool = False,
 ) -> Learned:
-    """Learn on from what was learned, with its settings: its means take the sources' place.
+    """Learn on from what was learned, with its settings.
 
-    The replay memory and the optimiser begin anew, and exploration goes on where it ended; nothing
-    is tried. Raises as ``solve``, and ValueError where ``learned`` does not know its Q-function.
+    ``Trust`` goes on from its whole state, with new episodes and random numbers. Of others the
+    means take the sources' place, replay memory and optimiser begin anew, and exploration goes on
+    where it ended. Nothing is tried. Raises as ``solve``, and ValueError where ``learned`` does not
+    know its Q-function.
     """
     check_kind("learned", learned, Learned)
     check_whole("iterations", iterations)
@@ -189,7 +212,11 @@ def resume(
     weights = learned.weights
     if isinstance(settings, MellowTDSettings | DDQNSettings):
         settings, weights = evolve(settings, epsilon_start=settings.epsilon_end), weights[:, 0]
-    agent = settings.agent(q, weights, episodes.obs_dim, rng)
+    if learned.state is None:
+        agent = settings.agent(q, weights, episodes.obs_dim, rng)
+    else:
+        agent = settings.agent(q, learned.state["sources"], episodes.obs_dim, rng)
+        agent.restore(learned.state)
     with tqdm(total=iterations, unit=" steps", disable=not progress) as bar:
         more = _learn(agent, episodes, iterations, name, callback, bar)
     return evolve(
@@ -251,19 +278,21 @@ def _learn(
     except KeyboardInterrupt:
         interrupted = True
     check_finite(agent.mu, names, done)
-    mu = agent.mu.detach().cpu().clone()
-    factors = None
-    if isinstance(agent, VariationalTransfer):
-        factors = agent.scale_tril if agent.deviations is None else agent.deviations
+    posterior, factors = (agent.learned if isinstance(agent, Trusting) else agent), None
+    if isinstance(posterior, VariationalTransfer):
+        factors = posterior.scale_tril if posterior.deviations is None else posterior.deviations
         factors = factors.detach().cpu().clone()
     return Learned(
-        weights=mu,
+        weights=agent.mu.detach().cpu().clone(),
         iterations=torch.tensor(times, dtype=torch.int64),
         returns=torch.stack(returns, 1) if returns else torch.empty(runs, 0),
         steps=torch.full((runs,), done),
-        improved=torch.ones(runs, dtype=torch.bool),
-        mu=None if factors is None else mu,
+        improved=~agent.source_leads
+        if isinstance(agent, Trusting)
+        else torch.ones(runs, dtype=torch.bool),
+        mu=None if factors is None else posterior.mu.detach().cpu().clone(),
         scale_tril=factors,
+        state=agent.state() if isinstance(agent, Trusting) else None,
         first_action=episodes.first_action,
         interrupted=interrupted,
     )

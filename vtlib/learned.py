@@ -16,12 +16,13 @@ from vtlib.baselines import DDQNSettings, FineTuning, MellowTDSettings
 from vtlib.checks import check_kind, check_whole, shown
 from vtlib.files import TornResult, write_bytes
 from vtlib.qfunctions import QFunction, described, from_description
-from vtlib.recommended import Recommended
 from vtlib.transfer import Settings
+from vtlib.trust import Trust
 
-KINDS = (DDQNSettings, FineTuning, MellowTDSettings, Recommended, Settings)
+KINDS = (DDQNSettings, FineTuning, MellowTDSettings, Settings, Trust)
 DRAWS = 200  # from each component, for a deviation
 ABOUT = "about"  # the text beside the arrays of a file
+STATE = "state "  # before the names of a state's arrays
 
 
 @frozen(eq=False)
@@ -35,9 +36,9 @@ class Learned:
     mu (R, C, d) and scale_tril (R, C, d, d): means and factors L of the posterior learned, kept or
     not, or L's diagonals (R, C, d) where it is diagonal; None without a posterior. reached
     (R, episodes): what ``solve`` has reached, discounted returns of greedy play on fresh episodes.
-    interrupted: whether Ctrl-C ended it; what ``transfer`` then returns was not compared with any
-    source. q, settings and seed are those of the call; the environments' first action is
-    first_action.
+    state: why ``Trust`` acted as it did, and all that it takes to go on (``Trusting.state``).
+    interrupted: whether Ctrl-C ended it, before anything was tried. q, settings and seed are those
+    of the call; the environments' first action is first_action.
     """
 
     weights: Tensor
@@ -48,6 +49,7 @@ class Learned:
     mu: Tensor | None = None
     scale_tril: Tensor | None = None
     reached: Tensor | None = None
+    state: dict[str, Tensor] | None = None
     q: QFunction | None = None
     settings: Any = None
     seed: int = 0
@@ -72,14 +74,24 @@ class Learned:
             line = f"run {run}: {steps:,} steps"
             if self.reached is not None:
                 line += f", greedy return {float(self.reached[run].mean()):.3f}"
+            if self.state is not None:
+                line += f", {self._played(run)}"
             lines.append(line + ", interrupted" * self.interrupted)
         return "\n".join(lines)
+
+    def _played(self, run: int) -> str:
+        """How many episodes sources have played in a run, and what was learned."""
+        assert self.state is not None
+        played, sources = self.state["played"][run], self.state["sources"].shape[1]
+        learned, shown = int((played == sources).sum()), int((played >= 0).sum())
+        keeps = "what was learned" if self.improved[run] else "a source"
+        return f"sources played {shown - learned} of {shown} episodes, kept is {keeps}"
 
     @property
     def gamma(self) -> float:
         """The discount that was learned with; ValueError where the settings are not known."""
         settings = getattr(self.settings, "learner", self.settings)
-        check_kind("settings", settings, DDQNSettings | MellowTDSettings | Recommended | Settings)
+        check_kind("settings", settings, DDQNSettings | MellowTDSettings | Settings | Trust)
         return float(settings.gamma)
 
     def predict(self, obs: Any, run: int = 0) -> Any:
@@ -134,6 +146,7 @@ class Learned:
             for name, part in attrs.asdict(self, recurse=False).items()
             if isinstance(part, Tensor)
         }
+        arrays |= {STATE + name: part.numpy() for name, part in (self.state or {}).items()}
         about = {
             "q": None if self.q is None else described(self.q),
             "settings": _plain(self.settings) if isinstance(self.settings, KINDS) else None,
@@ -152,8 +165,10 @@ class Learned:
         about["q"] = q if spec is None else from_description(spec, q)
         try:
             about["settings"] = settings and _settings(settings)
-            about |= {k: torch.from_numpy(x) for k, x in arrays.items()}
-            return cls(**about)
+            parts: dict[str, Any] = {name: torch.from_numpy(x) for name, x in arrays.items()}
+            state = {x: parts.pop(x) for x in list(parts) if x.startswith(STATE)}
+            about["state"] = {x.removeprefix(STATE): part for x, part in state.items()} or None
+            return cls(**about, **parts)
         except Exception as error:  # what is not such a file may raise anything
             raise TornResult(f"{path} is not what Learned.save wrote") from error
 

@@ -52,6 +52,16 @@ class ReplayBuffer:
         self._rows[:, at] = torch.cat([obs, next_obs, tail], -1)
         self._added += 1
 
+    def rows(self) -> Tensor:
+        """A copy (R, n, 2 obs_dim + 3) of all that is stored, the oldest first."""
+        at = self._added % self._capacity if self._added > self._capacity else 0
+        return self._rows[:, : len(self)].roll(-at, 1).clone()
+
+    def fill(self, rows: Tensor) -> None:
+        """Hold what another buffer held: its ``rows``, at most as many as the capacity."""
+        if rows.shape[1]:
+            self._rows, self._added = rows.clone(), rows.shape[1]
+
     def keep(self, rows: Sequence[int]) -> None:
         """Go on with some of the runs, by their places in the batch, in that order."""
         self._rows = self._rows[rows]

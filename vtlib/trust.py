@@ -7,6 +7,7 @@ much as fine-tuning a few networks.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import ClassVar
 
 import numpy as np
@@ -17,12 +18,16 @@ from torch import Tensor
 from vtlib.checks import between, whole
 from vtlib.promises import Record
 from vtlib.qfunctions import QFunction
-from vtlib.recommended import CLIP, FIRST, NARROW, WORTH, InUnits
 from vtlib.replay import Transition
 from vtlib.rng import Rng
 from vtlib.transfer import Settings
+from vtlib.units import FIRST, InUnits
 
 STEP = 4e-3  # Adam's, in units of the sources
+NARROW = 0.003  # standard deviation of the prior's components, in these units
+WORTH = 0.5  # how many transitions the prior counts for
+PARTS = "played", "trust", "gained", "short"  # of a record
+CLIP = 1.0  # bound on a gradient's entries, which only a run that explodes reaches
 
 
 @frozen
@@ -43,7 +48,8 @@ class Trust:
         """An agent that transfers from sources (R, S, d)."""
         return Trusting(q, sources, obs_dim, self, rng)
 
-    def in_units(self, d: int) -> Settings:
+    @property
+    def in_units(self) -> Settings:
         """The parameters of the posterior that learns, in the units of the sources."""
         return Settings(
             components=self.components,
@@ -70,9 +76,9 @@ class Trusting:
     def __init__(
         self, q: QFunction, sources: Tensor, obs_dim: int, settings: Trust, rng: Rng
     ) -> None:
-        self.learned = InUnits(q, sources, obs_dim, settings, rng)
+        self.learned = InUnits(q, sources, obs_dim, settings.in_units, settings.updates, rng)
         runs, count, _ = sources.shape
-        self._q, self._sources, self._gamma = q, sources.detach(), settings.gamma
+        self._q, self._sources, self._gamma = q, sources.detach().cpu(), settings.gamma
         self.records = [Record(count) for _ in range(runs)]
         self._coin, self._normal = rng.stream("hypothesis"), rng.stream("source")
         self._rows, self._arm = torch.arange(runs), torch.full((runs,), -1)
@@ -82,13 +88,22 @@ class Trusting:
         self._promise, self._spread = torch.zeros(runs), torch.zeros(runs)
 
     @property
+    def best_source(self) -> Tensor:
+        """Weights (R, 1, d) of the source that has earned most."""
+        best = torch.tensor([record.best() for record in self.records])
+        return self._sources[self._rows, best].unsqueeze(1)
+
+    @property
     def mu(self) -> Tensor:
         """Weights (R, C, d) of what leads at present: the posterior's means, or a source."""
-        mu = self.learned.mu
-        best = torch.tensor([record.best() for record in self.records])
-        source = self._sources[self._rows, best].unsqueeze(1).expand_as(mu)
-        leads = torch.tensor([record.source_leads for record in self.records])
-        return torch.where(leads.view(-1, 1, 1), source, mu)
+        mu = self.learned.mu.cpu()
+        source = self.best_source.expand_as(mu)
+        return torch.where(self.source_leads.view(-1, 1, 1), source, mu)
+
+    @property
+    def source_leads(self) -> Tensor:
+        """Whether the best source plays at present (R,), or what was learned."""
+        return torch.tensor([record.source_leads for record in self.records])
 
     def act(self, obs: Tensor, fresh: Tensor) -> Tensor:
         """Greedy actions (R,) of a source or of a draw; fresh (R,) marks first steps."""
@@ -108,6 +123,32 @@ class Trusting:
         self._gained += self._discount * transition.reward
         self._discount *= self._gamma
         self.learned.learn(transition)
+
+    def state(self) -> dict[str, Tensor]:
+        """All that it takes to go on but random numbers, with runs as leading axis.
+
+        ``played`` (R, E) has the arm of each episode that has ended, a source or S for what is
+        learned, and -1 after a run's last; ``trust``, ``gained`` and ``short`` (R, E) are those of
+        ``Record``.
+        """
+        episodes = max(len(record.gained) for record in self.records)
+        story = torch.full((len(PARTS), len(self.records), episodes), torch.nan)
+        for part, name in zip(story, PARTS, strict=True):
+            for row, record in zip(part, self.records, strict=True):
+                ended = getattr(record, name)[: len(record.gained)]
+                row[: len(ended)] = torch.tensor(ended)
+        told = dict(zip(PARTS, story, strict=True))
+        played = told["played"].nan_to_num(-1).long()
+        return {**self.learned.state(), **told, "played": played, "sources": self._sources}
+
+    def restore(self, state: Mapping[str, Tensor]) -> None:
+        """Go on from a state, with a new episode in each run."""
+        self.learned.restore(state)
+        self._steps = int(state["steps"][0])
+        for row, record in enumerate(self.records):
+            ended = int((state["played"][row] >= 0).sum())
+            for name in PARTS:
+                setattr(record, name, state[name][row, :ended].tolist())
 
     def _begin(self, row: int, values: Tensor, coin: float, normal: np.ndarray) -> None:
         """End the episode of a run, and choose the arm of the next."""

@@ -30,9 +30,14 @@ class Fixed:
             raise too_far_apart(start.spread)
 
     @property
+    def deviations(self) -> Tensor:
+        """Standard deviations of the weights (R, C, d)."""
+        return self._sigma.unsqueeze(1).expand_as(self.mu)
+
+    @property
     def scale_tril(self) -> Tensor:
         """The Cholesky factors L (R, C, d, d), which are diagonal."""
-        return torch.diag_embed(self._sigma.unsqueeze(1).expand_as(self.mu))
+        return torch.diag_embed(self.deviations)
 
     def sample(self) -> Tensor:
         """Weights w = mu + sigma z (R, C, n_samples, d)."""

@@ -10,10 +10,9 @@ from attrs import evolve
 
 from vtbook.experiments.compared import ENVIRONMENTS
 from vtbook.experiments.mountain_car import CAR
-from vtbook.neighbours import RepeatedSettings, UntouchedSettings
+from vtbook.neighbours import Recommended, RepeatedSettings, UntouchedSettings
 from vtlab.experiment import Algorithm, Experiment
 from vtlib.baselines import FineTuning
-from vtlib.recommended import Recommended
 
 OURS = "recommended"
 CAR_ITERATIONS = 5_000  # the page's runs are longer

@@ -17,13 +17,12 @@ from attrs import evolve, field, frozen
 from vtbook.experiments.cartpole import CARTPOLES
 from vtbook.experiments.compared import ENVIRONMENTS, FOUR
 from vtbook.experiments.maze import MAIN, MAZE_TARGETS, NT
-from vtbook.neighbours import UntouchedSettings
+from vtbook.neighbours import Recommended, UntouchedSettings
 from vtlab.envs.base import TaskFamily
 from vtlab.envs.cartpole.noisy import NoisyCartpoleFamily
 from vtlab.envs.cartpole.wired import WiredCartpoleFamily
 from vtlab.envs.mountain_car.steep import SteepCarFamily
 from vtlab.experiment import Experiment, Pool
-from vtlib.recommended import Recommended
 from vtlib.trust import Trust
 
 OURS = "trust"

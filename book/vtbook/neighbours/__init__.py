@@ -8,6 +8,7 @@ from vtbook.neighbours.guided import GuidedSettings
 from vtbook.neighbours.heads import HeadsSettings
 from vtbook.neighbours.ivon import IVONSettings
 from vtbook.neighbours.langevin import LangevinSettings
+from vtbook.neighbours.recommended import Recommended
 from vtbook.neighbours.repeated import RepeatedSettings
 from vtbook.neighbours.unstarted import UnstartedSettings
 from vtbook.neighbours.untouched import UntouchedSettings
@@ -17,6 +18,7 @@ __all__ = [
     "HeadsSettings",
     "IVONSettings",
     "LangevinSettings",
+    "Recommended",
     "RepeatedSettings",
     "UnstartedSettings",
     "UntouchedSettings",

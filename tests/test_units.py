@@ -1,14 +1,16 @@
-"""The recommended method: the same in any units, silent at first, and never explosive."""
+"""Variational transfer in units of its sources: alike in any, silent at first, never explosive."""
 
 import pytest
 import torch
 from torch import nn
 
+from vtbook.neighbours import Recommended
 from vtlib import posteriors
 from vtlib.qfunctions import MLP, ModuleQ, greedy
-from vtlib.recommended import FIRST, NARROW, Recommended
 from vtlib.replay import Transition
 from vtlib.rng import Rng
+from vtlib.trust import NARROW
+from vtlib.units import FIRST
 
 FEATURES, ACTIONS, RUNS, SOURCES = 4, 2, 2, 3
 Q = ModuleQ(nn.Linear(FEATURES, ACTIONS, bias=False), ACTIONS)

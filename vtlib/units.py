@@ -1,4 +1,4 @@
-"""The settings that we recommend: variational transfer in units in which one setting can serve.
+"""Variational transfer in units in which one setting can serve many tasks.
 
 Weights are measured in units of the sources, u, the root of their mean square. The squared TD error
 is divided by its largest curvature, eta (``vtlib.stability``), which the agent takes from what it
@@ -8,86 +8,41 @@ every task: the step is a share of the largest that is safe.
 
 from __future__ import annotations
 
-from typing import ClassVar, Protocol
+from collections.abc import Mapping
 
 import torch
-from attrs import field, frozen
 from torch import Tensor
 
-from vtlib.checks import between, check_kind, check_weights, whole
+from vtlib.checks import check_kind, check_weights
 from vtlib.qfunctions import QFunction
 from vtlib.replay import Transition
 from vtlib.rng import Rng
-from vtlib.stability import curvature, largest_step
+from vtlib.stability import curvature
 from vtlib.transfer import Settings, VariationalTransfer
 
-NARROW = 0.003  # standard deviation of the prior's components
-WORTH = 0.5  # how many transitions the prior counts for
-SAMPLES = 5  # from each component
-SHARE = 0.25  # the step on L as a share of the largest safe one; the components share it
-CLIP = 1.0  # bound on a gradient's entries, which only a run that explodes reaches
 FLAT = 1e-30  # least curvature, so that nothing is divided by zero
 FIRST = 64  # transitions that are only remembered
 MEASURED = 200  # transitions from which eta is measured
-
-
-@frozen
-class Recommended:
-    """Parameters of the recommended method, the same for every task.
-
-    components: C of the mixture, which start at the first sources, again from the first where there
-    are fewer. updates: gradient steps for each step of the environment, but none in the first 64.
-    gamma: discount. Raises ValueError for a value outside its range.
-    """
-
-    transfers: ClassVar[bool] = True
-
-    components: int = field(default=3, validator=whole())
-    updates: int = field(default=4, validator=whole())
-    gamma: float = field(default=0.99, validator=between(0, 1, below=True))
-
-    def agent(self, q: QFunction, sources: Tensor, obs_dim: int, rng: Rng) -> InUnits:
-        """An agent that transfers from sources (R, S, d)."""
-        return InUnits(q, sources, obs_dim, self, rng)
-
-    def in_units(self, d: int) -> Settings:
-        """The parameters of variational transfer of d weights in these units."""
-        return Settings(
-            components=self.components,
-            gamma=self.gamma,
-            lambda_=WORTH * NARROW**2,
-            minibatch=100,
-            buffer=50_000,
-            n_samples=SAMPLES,
-            alpha_L=SHARE * float(largest_step(torch.tensor(float(d)), SAMPLES)),
-            sigma_p2=NARROW**2,
-            clip=CLIP,
-            patience=FIRST,
-            responsibilities="equal",
-        )
-
-
-class InUnitsSettings(Protocol):
-    """What ``InUnits`` needs of its settings."""
-
-    @property
-    def updates(self) -> int:
-        """Gradient steps for each step of the environment."""
-
-    def in_units(self, d: int) -> Settings:
-        """The parameters of variational transfer of d weights in units of the sources."""
+MOMENTS = "exp_avg", "exp_avg_sq"  # torch's names of Adam's
 
 
 class InUnits(VariationalTransfer):
     """``VariationalTransfer`` of w / u, on gradients divided by eta, several times a step.
 
+    settings are in these units; updates are the gradient steps for each step of the environment.
     eta is measured at the first component's mean when 64, 128, 256, ... transitions are remembered,
     and never falls. Raises ValueError for sources that are missing, not finite, all zero, not
     float32 or not of the Q-function's shape.
     """
 
     def __init__(
-        self, q: QFunction, sources: Tensor, obs_dim: int, settings: InUnitsSettings, rng: Rng
+        self,
+        q: QFunction,
+        sources: Tensor,
+        obs_dim: int,
+        settings: Settings,
+        updates: int,
+        rng: Rng,
     ) -> None:
         check_kind("sources", sources, Tensor)
         check_weights("sources", sources, "run", "source", q.d)
@@ -98,8 +53,8 @@ class InUnits(VariationalTransfer):
                 "sources must be neither all zero nor huge: weights are scaled by them"
             )
         self._eta, self._places = torch.zeros_like(self._unit), rng.stream("curvature")
-        self._updates = settings.updates
-        super().__init__(q, sources / self._unit, obs_dim, settings.in_units(q.d), rng)
+        self._updates = updates
+        super().__init__(q, sources / self._unit, obs_dim, settings, rng)
 
     @property
     def mu(self) -> Tensor:
@@ -113,7 +68,7 @@ class InUnits(VariationalTransfer):
 
     @property
     def deviations(self) -> Tensor | None:
-        """Standard deviations (R, C, d) of a diagonal posterior, which a large network has."""
+        """Standard deviations (R, C, d) of a posterior without correlations."""
         deviations = super().deviations
         return None if deviations is None else deviations * self._unit
 
@@ -124,6 +79,30 @@ class InUnits(VariationalTransfer):
             self.update()
         if self._steps >= FIRST and self._steps.bit_count() == 1:
             self._measure()
+
+    def state(self) -> dict[str, Tensor]:
+        """All that it takes to go on but random numbers; copies, with runs as leading axis."""
+        adam = self._adam.state.get(self._posterior.mu) or {}
+        moments = {x: adam[x] for x in MOMENTS if x in adam}
+        state = {"means": self._posterior.mu.detach(), "curvature": self._eta, **moments}
+        return {
+            **{name: x.cpu().clone() for name, x in state.items()},
+            "transitions": self._buffer.rows(),
+            "steps": torch.full((len(self.mu),), self._steps),
+        }
+
+    def restore(self, state: Mapping[str, Tensor]) -> None:
+        """Go on from a state."""
+        with torch.no_grad():
+            self._posterior.mu.copy_(state["means"])
+        self._steps = int(state["steps"][0])
+        self._eta = state["curvature"].to(self._eta)
+        self._buffer.fill(state["transitions"])
+        moments = {x: state[x].to(self._device) for x in MOMENTS if x in state}
+        if moments:
+            taken = torch.tensor(float(self._updates * (self._steps - FIRST)))
+            self._adam.state[self._posterior.mu] = {"step": taken, **moments}
+        self._samples = self._posterior.sample()
 
     def _measure(self) -> None:
         s, batch = self._settings, self.remembered(self._places.uniform(MEASURED))
