@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from vtlib.promises import LOOKS, PRIOR, SHARES, WIDE, Record, beliefs, evidence
+from vtlib.promises import LEAST, LOOKS, PRIOR, SHARES, WIDE, Record, beliefs, evidence
 
 PROMISE, SPREAD = 10.0, 1.0
 
@@ -22,7 +22,7 @@ def played(
         if t < first:
             continue
         promise = scale * PROMISE + shift
-        arm = record.choose(promise, t >= begun, coin, normal)
+        arm = record.choose(t >= begun, coin, normal)
         record.add(scale * earns(arm, noise) + shift, promise, scale * SPREAD)
     return record
 
@@ -84,6 +84,16 @@ def test_sources_that_break_it_play_where_what_is_learned_is_worse():
     assert np.mean(np.array(record.played[8:]) < 4) > 0.9
 
 
+def test_where_what_is_learned_earns_nothing_all_sources_are_tried_again():
+    # source 3 earns something every other time, which one episode may not show
+    record = played(lambda arm, rng: 2.0 * (arm == 3 and rng.uniform() < 0.5), begun=2)
+    sources = [arm for arm in record.played[2 * LEAST :] if arm < 4]
+    assert record.tried == [0, 1, 2, 3]
+    assert sources.count(3) > len(sources) / 3
+    assert record.best() == 3
+    assert record.source_leads
+
+
 def test_what_is_learned_plays_where_it_leads():
     record = played(
         lambda arm, rng: PROMISE + 0.1 * rng.normal() + (5 if arm == 4 else 0), episodes=60
@@ -131,14 +141,14 @@ def test_a_saved_record_goes_on_as_if_nothing_had_happened():
 def test_without_a_spread_a_promise_is_kept_to_the_letter():
     record = Record(1)
     for gained in (1.0, 0.5):
-        record.choose(1.0, False, 0.0, np.zeros(1))
+        record.choose(False, 0.0, np.zeros(1))
         record.add(gained, 1.0, 0.0)
     assert record.short == [0.0, 2 * WIDE]
 
 
 def test_a_record_can_be_asked_within_the_first_episode():
     record = Record(2)
-    assert record.choose(1.0, False, 0.5, np.zeros(2)) == 0
+    assert record.choose(False, 0.5, np.zeros(2)) == 0
     assert record.tried == []
     assert record.best() == 0
-    assert record.lead() == 0
+    assert not record.source_leads

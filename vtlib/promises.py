@@ -18,7 +18,10 @@ WIDE = 10.0  # how many times as far the returns of a source of another kind may
 KEPT = 0.5  # a source that is likelier of the task's kind than this keeps its promise
 LOOKS = 32  # from this episode on the learned part plays in episodes that are powers of two
 RECENT = 20  # episodes that tell what the learned part earns now
-AHEAD = 1.0  # deviations of a return by which the better of both has to lead
+AHEAD = 1.0  # deviations of a return by which the learned part has to lead sources that are kept
+LEAST = 10  # episodes after which the learned part has to show something
+MARGIN = 0.5  # standard errors by which it then has to lead, or sources play half of the episodes
+HALF = 0.5
 # What share of the sources is of the task's kind: as likely none as anything, which is uniform.
 SHARES = np.append(0.0, (np.arange(200) + 0.5) / 200)
 PRIOR = np.append(0.5, np.full(200, 0.5 / 200))
@@ -70,11 +73,13 @@ class Record:
         # where sources do not differ, they keep a promise to the letter or not at all
         self.short.append(missing / spread if spread > 0 else 2 * WIDE * (missing > 0))
 
-    def choose(self, promise: float, begun: bool, coin: float, normal: np.ndarray) -> int:
+    def choose(self, begun: bool, coin: float, normal: np.ndarray) -> int:
         """The arm of the next episode, by a uniform number and normal ones (S,).
 
-        promise: that of the episode. begun: whether the learned part has learned anything yet;
-        until then only sources play.
+        begun: whether the learned part has learned anything yet; until then only sources play.
+        Where no source keeps its promise, the learned part plays, unless a source leads by a
+        deviation. Once it has played for a while and is not ahead of the sources, half of the
+        episodes go to them.
         """
         kept, another = self.kept()
         self.trust.append(another)
@@ -86,17 +91,26 @@ class Record:
             arm = self.count
         elif kept:
             arm = self._draw(kept, hope, normal) if self.source_leads else self.count
-        elif hope and self.learned() < promise:
-            arm = hope[0]
+        elif self._lead(self.returns(self.best())) > AHEAD:
+            arm = self.best()
+        elif coin < HALF and self._stuck():
+            arm = self._draw(self.tried, fresh, normal)
         else:
-            arm = self.best() if self.source_leads else self.count
+            arm = self.count
         self.played.append(arm)
         return arm
 
     @property
     def source_leads(self) -> bool:
-        """Whether a source is to play: one that keeps its promise unless the learned part leads."""
-        return self.lead() >= -AHEAD if self.kept()[0] else self.lead() > AHEAD
+        """Whether the best source is better than what was learned, as far as returns tell.
+
+        Sources that keep their promise are, until what was learned leads by a deviation. Others
+        have to lead by a standard error.
+        """
+        best = self.returns(self.best())
+        if self.kept()[0]:
+            return self._lead(best) >= -AHEAD
+        return self._lead(best) > AHEAD * self._error(best)
 
     @property
     def tried(self) -> list[int]:
@@ -115,34 +129,39 @@ class Record:
         of_kind, another = beliefs(evidence(short))
         return [j for j, p in zip(tried, of_kind, strict=True) if p > KEPT], another
 
-    def learned(self) -> float:
-        """What the learned part earns now; minus infinity before it has played."""
-        recent = self.returns(self.count)[-RECENT:]
-        return float(np.mean(recent)) if recent else -np.inf
-
-    def lead(self) -> float:
-        """By how many deviations of a return the best source is ahead of the learned part.
-
-        0 before both have played.
-        """
-        learned, scale = self.learned(), float(np.std(self.gained)) if self.gained else 0.0
-        if not self.tried or learned == -np.inf or scale == 0:
-            return 0.0
-        return float((np.mean(self.returns(self.best())) - learned) / scale)
-
     def best(self) -> int:
         """The tried source with the highest mean return; the first source before any is tried."""
         return max(self.tried, key=lambda j: np.mean(self.returns(j)), default=0)
+
+    def _recent(self) -> list[float]:
+        return self.returns(self.count)[-RECENT:]
+
+    def _lead(self, returns: list[float]) -> float:
+        """By how many deviations of a return sources lead the learned part, which may be 0."""
+        own, scale = self._recent(), float(np.std(self.gained)) if self.gained else 0.0
+        if not returns or not own or scale == 0:
+            return 0.0
+        return float((np.mean(returns) - np.mean(own)) / scale)
+
+    def _error(self, returns: list[float]) -> float:
+        """The standard error of that lead."""
+        return float(np.sqrt(1 / max(1, len(returns)) + 1 / max(1, len(self._recent()))))
+
+    def _stuck(self) -> bool:
+        """Whether the learned part has played, but is no better than the sources are together."""
+        theirs = [x for j in self.tried for x in self.returns(j)]
+        behind = self._lead(theirs) >= -MARGIN * self._error(theirs)
+        return behind and len(self.returns(self.count)) >= LEAST
 
     def _looks(self) -> bool:
         episode = len(self.played) + 1
         return episode >= LOOKS and episode.bit_count() == 1
 
     def _draw(self, kept: list[int], hope: list[int], normal: np.ndarray) -> int:
-        """Thompson sampling among sources of the task's kind, which are alike beforehand."""
+        """Thompson sampling among sources, which are alike beforehand."""
         returns = [self.returns(j) for j in kept] + [[] for _ in hope]
-        every = [x for own in returns for x in own]
-        centre, scale = np.mean(every), np.std(every)
+        every = [x for own in returns for x in own] or [0.0]
+        centre, scale = np.mean(every), np.std(every) or 1.0  # which breaks ties
         count = np.array([len(own) for own in returns])
         means = (np.array([sum(own) for own in returns]) + centre) / (count + 1)
         arms = kept + hope

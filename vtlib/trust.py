@@ -156,6 +156,5 @@ class Trusting:
         if self._arm[row] >= 0:
             record.add(*(float(x[row]) for x in (self._gained, self._promise, self._spread)))
         self._promise[row], self._spread[row] = values.mean(), values.std(correction=0)
-        promise, begun = float(self._promise[row]), self._steps >= FIRST
-        self._arm[row] = record.choose(promise, begun, coin, normal)
+        self._arm[row] = record.choose(self._steps >= FIRST, coin, normal)
         self._gained[row], self._discount[row] = 0.0, 1.0

@@ -1,4 +1,4 @@
-"""Judge transfer as it comes on four kinds of tasks that the library does not know.
+"""Judge transfer as it comes on five kinds of tasks that the library does not know.
 
 ``python -m vtlab guide`` computes what is missing under book/results/guide and stores it, one file
 for each task: it can be interrupted, and goes on where it was. ``python -m vtlab verify guide``
@@ -14,6 +14,7 @@ import gymnasium as gym
 import numpy as np
 import torch
 from attrs import frozen
+from gymnasium.envs.toy_text.frozen_lake import generate_random_map
 
 from vtlab import store
 from vtlab.permutation import same_distribution_p
@@ -46,41 +47,46 @@ def acrobot(length: float) -> gym.Env:
     return env
 
 
-class WindyGrid(gym.Env[np.ndarray, np.int64]):
-    """From the left of 8 x 8 cells to a goal on the right; each step costs 1.
+def lake(place: tuple[int, bool]) -> gym.Env:
+    """Gymnasium's frozen lake of 4 x 4 cells, by the seed of its map and whether it is slippery."""
+    seed, slippery = place
+    env = gym.make(
+        "FrozenLake-v1", desc=generate_random_map(4, seed=seed), is_slippery=slippery,
+        max_episode_steps=50,
+    )  # fmt: skip
+    return gym.wrappers.FlattenObservation(env)
 
-    In the four columns between, the wind blows the walker one cell up with a probability: down,
-    where that is negative.
-    """
+
+class KeyAndDoor(gym.Env[np.ndarray, np.int64]):
+    """A room of 6 x 6 cells: fetch a key, then leave by a door, which pays 1."""
 
     MOVES = np.array([[0, 1], [1, 0], [0, -1], [-1, 0]])
 
-    def __init__(self, wind: float) -> None:
-        self.wind = wind
-        self.observation_space = gym.spaces.Box(-1, 1, (2,), np.float32)
+    def __init__(self, key: tuple[int, int], door: tuple[int, int]) -> None:
+        self.key, self.door = key, door
+        self.observation_space = gym.spaces.Box(-1, 1, (3,), np.float32)
         self.action_space = gym.spaces.Discrete(4)
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> Any:
-        """Begin in the left column, in any row."""
+        """Begin anywhere, without the key."""
         super().reset(seed=seed)
-        self._cell = np.array([0, self.np_random.integers(8)])
+        self._cell, self._has = self.np_random.integers(6, size=2), False
         return self._seen(), {}
 
     def step(self, action: np.int64) -> Any:
-        """Walk, and be blown."""
-        cell = self._cell + self.MOVES[action]
-        if 2 <= self._cell[0] <= 5 and self.np_random.random() < abs(self.wind):
-            cell[1] += np.sign(self.wind)
-        self._cell = cell.clip(0, 7)
-        return self._seen(), -1.0, bool((self._cell == (7, 3)).all()), False, {}
+        """Walk; a wall stops the walker."""
+        self._cell = (self._cell + self.MOVES[action]).clip(0, 5)
+        self._has |= tuple(self._cell) == self.key
+        out = self._has and tuple(self._cell) == self.door
+        return self._seen(), float(out), out, False, {}
 
     def _seen(self) -> np.ndarray:
-        return (self._cell / 3.5 - 1).astype(np.float32)
+        return np.append(self._cell / 2.5 - 1, 2.0 * self._has - 1).astype(np.float32)
 
 
-def windy(wind: float) -> gym.Env:
-    """The windy grid, 50 steps."""
-    return gym.wrappers.TimeLimit(WindyGrid(wind), 50)
+def room(place: tuple[tuple[int, int], tuple[int, int]]) -> gym.Env:
+    """The room with its key and its door in some cells, 50 steps."""
+    return gym.wrappers.TimeLimit(KeyAndDoor(*place), 50)
 
 
 def lander(gravity: float) -> gym.Env:
@@ -92,25 +98,32 @@ def lander(gravity: float) -> gym.Env:
 class Kind:
     """Tasks of one kind: those that are solved, those that are learned next, and how long."""
 
-    make: Callable[[float], gym.Env]
+    make: Callable[[Any], gym.Env]
     q: MLP
-    sources: tuple[float, ...]
+    sources: tuple[Any, ...]
     solving: int
-    within: float
-    outside: float
-    learning: int
+    within: Any
+    outside: Any
+    learning: int = 1000
     solver: DDQNSettings | None = None  # mellow TD without
 
 
 LANDING = DDQNSettings(
     epsilon_steps=25_000, minibatch=64, buffer=50_000, target_every=500, alpha=5e-4
 )
+DOOR = (5, 3)
+KEYS = tuple(((x, y), DOOR) for x, y in ((0, 0), (0, 5), (2, 1), (2, 4)))
 KINDS = {
-    "cartpole": Kind(cartpole, MLP((4, 32, 2)), (0.3, 0.4, 0.6, 0.7), 4000, 0.5, 0.08, 1000),
-    "acrobot": Kind(acrobot, MLP((6, 32, 3)), (0.8, 0.9, 1.0, 1.1, 1.2), 10_000, 1.05, 1.5, 1000),
-    "windy-grid": Kind(windy, MLP((2, 32, 4)), (0.0, 0.2, 0.4, 0.6, 0.8), 10_000, 0.5, -0.5, 1000),
+    "cartpole": Kind(cartpole, MLP((4, 32, 2)), (0.3, 0.4, 0.6, 0.7), 4000, 0.5, 0.08),
+    "acrobot": Kind(acrobot, MLP((6, 32, 3)), (0.8, 0.9, 1.0, 1.1, 1.2), 10_000, 1.05, 1.5),
+    "frozen-lake": Kind(
+        lake, MLP((16, 32, 4)), tuple((k, False) for k in range(5)), 10_000, (5, False), (5, True)
+    ),
+    "key-and-door": Kind(
+        room, MLP((3, 64, 4)), KEYS, 20_000, ((1, 3), DOOR), ((1, 3), (3, 0)), 3000
+    ),
     "lunar-lander": Kind(
-        lander, MLP((8, 64, 4)), (-6.0, -8.0, -9.0, -11.0), 100_000, -10.0, -2.0, 1000, LANDING
+        lander, MLP((8, 64, 4)), (-6.0, -8.0, -9.0, -11.0), 100_000, -10.0, -2.0, solver=LANDING
     ),
 }
 TUNING = MellowTDSettings(epsilon_steps=1, epsilon_start=0.02, minibatch=200)
@@ -132,8 +145,11 @@ def solved(name: str, stored: store.Arrays | None) -> store.Arrays:
     return {"weights": weights[:, 0].numpy(), "own": own.numpy()}
 
 
-def judge(name: str, parameter: float, sources: torch.Tensor, runs: int) -> store.Arrays:
-    """Returns (R,) of greedy play on fresh episodes, of each source and each way to learn."""
+def judge(name: str, parameter: Any, sources: torch.Tensor, runs: int) -> store.Arrays:
+    """Returns (R,) of greedy play on fresh episodes, of each source and each way to learn.
+
+    Transfer comes first; the others learn for as many steps as its longest run took.
+    """
     kind = KINDS[name]
     envs = [kind.make(parameter) for _ in range(runs)]
 
@@ -142,11 +158,10 @@ def judge(name: str, parameter: float, sources: torch.Tensor, runs: int) -> stor
 
     alone = np.stack([earned(w.expand(runs, 1, -1)) for w in sources])
     best = int(alone.mean(1).argmax())
-    tuning = transfer(
-        envs, kind.q, sources[[best]], kind.learning, FineTuning(TUNING), trials=0, seed=SEED
-    )
     ours = transfer(envs, kind.q, sources, kind.learning, seed=SEED)
-    nothing = solve(envs, kind.q, kind.learning, trials=0, seed=SEED)
+    steps = int(ours.steps.max())
+    tuning = transfer(envs, kind.q, sources[[best]], steps, FineTuning(TUNING), seed=SEED)
+    nothing = solve(envs, kind.q, steps, trials=0, seed=SEED)
     return {
         "sources": alone,
         "from nothing": earned(nothing.weights),

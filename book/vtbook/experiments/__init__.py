@@ -10,8 +10,8 @@ from vtbook.experiments import (
     maze,
     mountain_car,
     prior_weight,
-    recommended,
     rooms,
+    trust,
 )
 from vtlab.experiment import Experiment
 
@@ -19,7 +19,7 @@ __all__ = ["EXPERIMENTS", "POOLS", "THESIS"]
 
 PAGES = (
     *(rooms, cartpole, mountain_car, maze),
-    *(controls, prior_weight, compared, factorial, recommended),
+    *(controls, prior_weight, compared, factorial, trust),
 )
 
 

@@ -4,6 +4,7 @@ from attrs import evolve
 
 from vtbook.experiments.grids import sliders_of
 from vtbook.experiments.protocols import Protocols, as_published, fine_tuning, transfer
+from vtbook.neighbours import UntouchedSettings
 from vtlab.envs.mountain_car import MountainCarFamily
 from vtlab.experiment import Experiment, Pool
 from vtlib.baselines import DDQNSettings, MellowTDSettings
@@ -61,6 +62,13 @@ CAR_NOTHING = evolve(
     CAR.published,
     name="mountain-car-no-transfer",
     algorithms={"NT": MellowTDSettings(epsilon_steps=DDQN.epsilon_steps, minibatch=500)},
+)
+# The best of a run's ten sources after one episode of each, left alone.
+CAR_UNTOUCHED = evolve(
+    CAR.published,
+    name="mountain-car-untouched",
+    iterations=5_000,
+    algorithms={"untouched": UntouchedSettings()},
 )
 # Nobody had checked the published sources: they are what so many iterations leave.
 CAR_UNCHECKED = evolve(

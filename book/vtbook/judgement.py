@@ -1,0 +1,53 @@
+"""What the judged runs say of the method that trusts its sources, beside each of its rivals."""
+
+from functools import cache
+
+import numpy as np
+from attrs import frozen
+
+from vtbook.comparisons import holm, paired_p
+from vtbook.experiments.compared import mean_shares
+from vtbook.experiments.trust import LOSS, OURS, PLACES, Place
+from vtlib.stats import Interval, difference_interval
+
+LEVEL = 0.05
+
+
+@frozen
+class Contrast:
+    """The method beside a rival in a place: difference in shares of the optimum, adjusted P."""
+
+    place: str
+    rival: str
+    gain: Interval
+    p: float
+
+    @property
+    def verdict(self) -> str:
+        """Better or worse by the adjusted test, as good where no loss is left, else undecided."""
+        if self.p < LEVEL:
+            return "better" if self.gain.centre > 0 else "worse"
+        return "as good" if self.gain.low >= -LOSS else "undecided"
+
+
+@cache
+def earned(place: Place) -> dict[str, np.ndarray]:
+    """What each run of each algorithm earned (R,), as a share of the optimum."""
+    return {x: mean_shares(place.experiment, x, place.first) for x in place.experiment.algorithms}
+
+
+@cache
+def contrasts() -> tuple[Contrast, ...]:
+    """The method beside every rival in every place; P values are adjusted over all of them."""
+    pairs = [
+        (place.title, rival, earned(place)[OURS], values)
+        for place in PLACES
+        for rival, values in earned(place).items()
+        if rival != OURS
+    ]
+    # runs that are all alike have no P value: nothing tells them apart
+    p = [paired_p(a, b) if (a != b).any() else 1.0 for *_, a, b in pairs]
+    return tuple(
+        Contrast(place, rival, difference_interval(a, b), float(adjusted))
+        for (place, rival, a, b), adjusted in zip(pairs, holm(np.array(p)), strict=True)
+    )
