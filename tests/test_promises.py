@@ -86,7 +86,10 @@ def test_sources_that_break_it_play_where_what_is_learned_is_worse():
 
 def test_where_what_is_learned_earns_nothing_all_sources_are_tried_again():
     # source 3 earns something every other time, which one episode may not show
-    record = played(lambda arm, rng: 2.0 * (arm == 3 and rng.uniform() < 0.5), begun=2)
+    def earns(arm, rng):
+        return 2.0 * (arm == 3 and rng.uniform() < 0.5)
+
+    record = played(earns, episodes=100, begun=2)
     sources = [arm for arm in record.played[2 * LEAST :] if arm < 4]
     assert record.tried == [0, 1, 2, 3]
     assert sources.count(3) > len(sources) / 3
