@@ -56,7 +56,6 @@ def calls():
 
 GOOD = {  # what is odd elsewhere, and right here
     "settings": (None,),
-    "trials": (None,),
     "callback": (None, len, int, Settings),
     "sizes": (PAIR,),
     "task": ("x",),

@@ -24,7 +24,6 @@ from vtlib.transfer import Settings, VariationalTransfer
 from vtlib.trust import Trust, Trusting
 
 EVERY = 100  # iterations from one record to the next
-TRIALS = 10  # episodes that decide what is kept
 
 Callback = Callable[[int, Tensor, Tensor], bool | None]
 
@@ -97,7 +96,7 @@ def transfer(
     iterations: int,
     settings: Trust | Settings | FineTuning | None = None,
     *,
-    trials: int | None = None,
+    trials: int = 0,
     seed: int = 0,
     callback: Callback | None = None,
     progress: bool = False,
@@ -105,13 +104,13 @@ def transfer(
 ) -> Learned:
     """Learn each environment with what sources (S, d) know, ``weights[:, 0]`` of ``solve``.
 
-    The default, ``Trust``, plays the sources while they keep their promise and learns meanwhile. In
-    the end its best source and what it learned play ``trials`` greedy episodes each, ten unless
-    said otherwise, and what was learned is kept where it earns more, and by at least the standard
-    error of the difference; ``steps`` counts these episodes, too. With trials = 0 the returns while
-    learning decide, and after Ctrl-C, which ends the learning and returns what was learned. Other
-    settings run alone, and take no trials. device: where posteriors are kept. Raises as ``solve``,
-    and ValueError for missing, bad or misshapen sources, one trial, or a device that torch lacks.
+    The default, ``Trust``, plays the sources while they keep their promise and learns meanwhile; in
+    the end its returns decide whether what it learned is kept, or the best source. With trials that
+    source and what was learned play as many greedy episodes more, which ``steps`` counts, and what
+    was learned is kept where it earns more, and by at least the standard error of the difference.
+    Other settings run alone. Ctrl-C ends the learning and returns what was learned. device: where
+    posteriors are kept. Raises as ``solve``, and ValueError for missing, bad or misshapen sources,
+    one trial, or a device that torch lacks.
     """
     settings = Trust() if settings is None else settings
     # only posteriors are kept elsewhere than on the processor
@@ -122,13 +121,12 @@ def transfer(
     shared = sources.detach().expand(len(envs), *sources.shape).to(place)
     episodes, rng = episodes_of(envs, q, name, gamma), Rng(name, range(len(envs)))
     agent = settings.agent(q, shared, episodes.obs_dim, rng)
-    count = TRIALS if trials is None else trials
     with tqdm(total=iterations, unit=" steps", disable=not progress) as bar:
         learned = _learn(agent, episodes, iterations, name, callback, bar)
         learned = evolve(learned, q=q, settings=settings, seed=seed)
-        if not isinstance(agent, Trusting) or learned.interrupted or not count:
+        if not isinstance(agent, Trusting) or learned.interrupted or not trials:
             return learned
-        play = partial(_play, envs, q, episodes=count, name=f"{name} trial", gamma=gamma, bar=bar)
+        play = partial(_play, envs, q, episodes=trials, name=f"{name} trial", gamma=gamma, bar=bar)
         try:
             return _with_the_better(learned, agent, play)
         except KeyboardInterrupt:
@@ -176,10 +174,9 @@ def check_transfer(
         kind = type(settings).__name__
         raise ValueError(f"settings must transfer, got {kind}: wrap it in FineTuning")
     check_kind("settings", settings, Trust | Settings | FineTuning)
-    if trials is not None:
-        check_trials(trials)
-        if not isinstance(settings, Trust):
-            raise ValueError(f"trials must be None where settings are given, got {trials}")
+    check_trials(trials)
+    if trials and not isinstance(settings, Trust):
+        raise ValueError(f"trials must be 0 where other settings are given, got {trials}")
     try:
         torch.empty(0, device=device)  # type: ignore[call-overload]
     except (RuntimeError, AssertionError, TypeError) as error:
