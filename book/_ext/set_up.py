@@ -94,7 +94,8 @@ class Environment:
 
     def book(self) -> None:
         """Install what the book needs, and the packages of this checkout in place."""
-        torch = re.search(r"^torch==\S+", text("requirements.txt"), re.MULTILINE)
+        pinned = (ROOT / "requirements.txt").read_text(encoding="utf-8")
+        torch = re.search(r"^torch==\S+", pinned, re.MULTILINE)
         if torch:
             say("1 of 3: PyTorch, the build without CUDA")
             quick = ("--retries=1", "--timeout=30", "--no-deps", f"--index-url={CPU_TORCH}")
@@ -141,11 +142,6 @@ def run(
 def last_lines(done: subprocess.CompletedProcess[str], count: int) -> str:
     """The last lines that a command has written."""
     return "\n".join((done.stdout + done.stderr).strip().splitlines()[-count:])
-
-
-def text(name: str) -> str:
-    """What a file of the checkout says."""
-    return (ROOT / name).read_text(encoding="utf-8")
 
 
 def say(line: str) -> None:

@@ -7,7 +7,7 @@ answer the same questions.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -251,9 +251,13 @@ class Figure:
         *labels: str,
         kind: str = "learning",
         printed: bool = True,
+        words: Sequence[str] = (),
         **bounds: Any,
     ) -> Claim:
-        """A claim whose number is measured of the runs with some labels, of a kind of return."""
+        """A claim whose number is measured of the runs with some labels, of a kind of return.
+
+        The labels fill the places {} of the number's name, and of the text where no words do.
+        """
         numbers = {
             protocol: measure(*(runs[x] for x in labels)) for protocol, runs in self.runs.items()
         }
@@ -263,22 +267,19 @@ class Figure:
         if self.name and self.printed.keys() >= {*labels}:
             for protocol in self.protocols:
                 overlap[protocol] = min(self.overlap(protocol, x, kind) for x in labels)
-        return Claim(text, number, numbers, drawing, overlap=overlap, **bounds)
+        rest = {"overlap": overlap, "fact": text, **bounds}
+        own = text.format(*(words or labels))
+        return Claim(own, number.format(*labels), numbers, drawing, **rest)
 
     def earns(self, text: str, labels: Iterable[str], t: int, **bounds: Any) -> list[Claim]:
         """A claim about what each of some algorithms, {} in the text, earns at an iteration."""
-        claims = []
-        for label in labels:
-            name = "" if "{}" in text else f" of {label}"
-            number = f"learning return{name} at {t:,}, {self._unit}"
-            own = text.format(label)
-            claim = self.claim(own, number, lambda a: a.share(t), label, fact=text, **bounds)
-            claims.append(claim)
-        return claims
+        name = "" if "{}" in text else " of {}"
+        number = f"learning return{name} at {t:,}, {self._unit}"
+        return [self.claim(text, number, lambda a: a.share(t), x, **bounds) for x in labels]
 
     def leads(self, text: str, label: str, other: str, t: int, **bounds: Any) -> Claim:
         """A claim about how much more one algorithm earns than another at an iteration."""
-        number = f"{label} minus {other} at {t}, {self._unit}"
+        number = f"{{}} minus {{}} at {t}, {self._unit}"
         return self.claim(text, number, lambda a, b: a.gain(b, t), label, other, **bounds)
 
     def ahead(
@@ -288,15 +289,11 @@ class Figure:
 
         Both have their places, {}, in the text.
         """
-        claims = []
-        for label, other in itertools.product(labels, others):
-            number = f"{label} minus {other}, averaged until {end:,}, {self._unit}"
-            own = text.format(label, other)
-            claim = self.claim(
-                own, number, lambda a, b: a.gain_until(b, end), label, other, fact=text, **bounds
-            )
-            claims.append(claim)
-        return claims
+        number = f"{{}} minus {{}}, averaged until {end:,}, {self._unit}"
+        return [
+            self.claim(text, number, lambda a, b: a.gain_until(b, end), *pair, **bounds)
+            for pair in itertools.product(labels, others)
+        ]
 
     @property
     def _unit(self) -> str:

@@ -34,18 +34,13 @@ def bin_of(experiment: Experiment) -> np.ndarray:
     return np.searchsorted(EDGES, likelihoods(experiment) - 1e-6)
 
 
-def by_door(experiment: Experiment, values: np.ndarray, chosen: np.ndarray) -> np.ndarray:
-    """The mean (D,) over the runs at each door of some chosen runs (R,), which are whole doors.
+def shares(experiment: Experiment, stored: Dataset, t: int, chosen: np.ndarray) -> np.ndarray:
+    """What chosen runs (R,), which are whole doors, earn at an iteration, of their optimum (D,).
 
     Runs at one door share their task: only doors are independent of each other.
     """
-    return np.asarray(values[chosen].reshape(-1, experiment.runs_per_task).mean(1))
-
-
-def shares(experiment: Experiment, stored: Dataset, t: int, chosen: np.ndarray) -> np.ndarray:
-    """What is earned while learning at each chosen door (D,) at an iteration, of its optimum."""
-    earned = stored.learning.sel(iteration=t) / stored.optimum
-    return by_door(experiment, earned.values, chosen)
+    earned = (stored.learning.sel(iteration=t) / stored.optimum).values[chosen]
+    return np.asarray(earned.reshape(-1, experiment.runs_per_task).mean(1))
 
 
 def doors_interval(means: np.ndarray) -> Interval:

@@ -1,10 +1,8 @@
 """A figure as a telephone shows it: its panels one below the other, in type that can be read."""
 
+import copy
 import textwrap
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from functools import partial
-from typing import Any
+from typing import Any, TypeVar
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -19,7 +17,7 @@ BESIDE = 24  # letters in a line of a label, and half of them below a panel with
 LETTERS = {1: 46, 2: 15, 3: 13, 4: 8, 5: 6}  # in the title of a panel, by the columns
 MANY = {True: (8,), False: (4, 8)}  # panels of curves, or maps: more have twice the columns
 Panels = dict[Axes, SubplotSpec]
-Change = Callable[[Callable[[Any], Any], Any, Any], None]
+F = TypeVar("F", bound=Figure)
 
 
 def panels_of(figure: Figure) -> Panels:
@@ -29,28 +27,18 @@ def panels_of(figure: Figure) -> Panels:
     return {ax: place for ax in axes if (place := ax.get_subplotspec())}
 
 
-@contextmanager
-def narrow(figure: Figure) -> Iterator[None]:
-    """Lay out a figure with panels for a telephone as long as the context lasts."""
-    undo: list[Callable[[], Any]] = []
-
-    def change(setter: Callable[[Any], Any], old: Any, new: Any) -> None:
-        undo.append(partial(setter, old))
-        setter(new)
-
+def narrow(figure: F) -> F:
+    """A copy of a figure with panels, laid out for a telephone."""
+    figure = copy.deepcopy(figure)
     panels = panels_of(figure)
     columns = _columns(panels)
-    try:
-        if columns != _grid(panels).ncols:
-            _share(panels, change)
+    if columns != _grid(panels).ncols:
         for ax in panels:
-            _entitle(ax, LETTERS[columns], change)
-        lines = _write(figure, change)
-        _place(figure, panels, columns, lines, change)
-        yield
-    finally:
-        for step in reversed(undo):
-            step()
+            _share(panels, ax)
+    for ax in panels:
+        _entitle(ax, LETTERS[columns])
+    _place(figure, panels, columns, _write(figure))
+    return figure
 
 
 def _grid(panels: Panels) -> GridSpecBase:
@@ -81,49 +69,41 @@ def _beside(panels: Panels, ax: Axes) -> tuple[list[Axes], list[Axes]]:
     return column, [ax for ax, place in panels.items() if place.rowspan == own.rowspan]
 
 
-def _share(panels: Panels, change: Change) -> None:
-    """Say at each panel what it leaves to a neighbour: its title, and labels of curves' axes."""
-    for ax in panels:
-        column, row = _beside(panels, ax)
-        shared = [
-            ("x", "labelbottom", ax.get_shared_x_axes(), column),
-            ("y", "labelleft", ax.get_shared_y_axes(), row),
-        ]
-        for letter, side, group, near in shared if ax.get_aspect() == "auto" else ():
-            axis = getattr(ax, f"{letter}axis")
-            near = [panel for panel in near if panel is not ax and group.joined(panel, ax)]
-            if near:
-                show = partial(
-                    lambda axis, side, on: axis.set_tick_params(**{side: on}), axis, side
-                )
-                change(show, axis.get_tick_params().get(side, True), True)
-                labels = [getattr(panel, f"{letter}axis").label for panel in (ax, *near)]
-                words = _repeat(labels, change)
-                change(labels[0].set_text, words, textwrap.fill(words, BESIDE))
-        above = [x for x in column if panels[x].rowspan.start < panels[ax].rowspan.start]
-        _repeat([_title(x) for x in (ax, *above)], change)
+def _share(panels: Panels, ax: Axes) -> None:
+    """Say at a panel what it leaves to a neighbour: its title, and labels of curves' axes."""
+    column, row = _beside(panels, ax)
+    for side, axis, group, near in (
+        ("bottom", ax.xaxis, ax.get_shared_x_axes(), column),
+        ("left", ax.yaxis, ax.get_shared_y_axes(), row),
+    ):
+        near = [panel for panel in near if panel is not ax and group.joined(panel, ax)]
+        if near and ax.get_aspect() == "auto":
+            shown: dict[str, Any] = {f"label{side}": True}
+            axis.set_tick_params(**shown)
+            labels = [getattr(panel, f"{axis.axis_name}axis").label for panel in near]
+            _repeat([axis.label, *labels])
+            axis.label.set_text(textwrap.fill(axis.label.get_text(), BESIDE))
+    above = [x for x in column if panels[x].rowspan.start < panels[ax].rowspan.start]
+    _repeat([_title(x) for x in (ax, *above)])
 
 
 def _title(ax: Axes) -> Text:
     return ax.set_title(ax.get_title("left"), loc="left")
 
 
-def _repeat(texts: list[Text], change: Change) -> str:
+def _repeat(texts: list[Text]) -> None:
     """Let the first of some texts say what any of them does, in the same colour."""
-    own, source = texts[0], next(filter(Text.get_text, texts), texts[0])
-    change(own.set_text, own.get_text(), source.get_text())
-    change(own.set_color, own.get_color(), source.get_color())
-    return source.get_text()
+    source = next(filter(Text.get_text, texts), texts[0])
+    texts[0].set(text=source.get_text(), color=source.get_color())
 
 
-def _entitle(ax: Axes, letters: int, change: Change) -> None:
+def _entitle(ax: Axes, letters: int) -> None:
     """Break a panel's title into lines, the last of which stood at its right, and its label."""
-    title, beside = ax.get_title("left"), ax.get_title("right")
-    lines = [textwrap.fill(text, letters) for text in (title, beside) if text]
-    change(ax.set_title, title, "\n".join(lines))
-    change(partial(ax.set_title, loc="right"), beside, "")
-    label, room = ax.get_xlabel(), BESIDE // (1 + (_names(ax) > ROWS))
-    change(ax.set_xlabel, label, textwrap.fill(label, room))
+    titles = ax.get_title("left"), ax.get_title("right")
+    ax.set_title("\n".join(textwrap.fill(text, letters) for text in titles if text))
+    ax.set_title("", loc="right")
+    room = BESIDE // (1 + (_names(ax) > ROWS))
+    ax.set_xlabel(textwrap.fill(ax.get_xlabel(), room))
 
 
 def _names(ax: Axes) -> int:
@@ -132,7 +112,7 @@ def _names(ax: Axes) -> int:
     return sum(n + (n > 1) for n in lines)
 
 
-def _write(figure: Figure, change: Change) -> int:
+def _write(figure: Figure) -> int:
     """Legends of two columns where there is room, larger type; the number of legends' lines."""
     old, lines = list(figure.legends), 0
     for legend in old:
@@ -141,14 +121,13 @@ def _write(figure: Figure, change: Change) -> int:
         columns = 2 if max(map(len, words), default=0) < 20 else 1
         figure.legend(lines_and_dots, words, loc="outside lower center", ncols=columns)
         lines += -(-len(words) // columns)
-    new = figure.legends[len(old) :]
-    change(partial(setattr, figure, "legends"), old, new)
+    figure.legends = figure.legends[len(old) :]
     for text in figure.findobj(Text):
-        change(text.set_fontsize, text.get_fontsize(), max(text.get_fontsize(), SMALLEST))
+        text.set_fontsize(max(text.get_fontsize(), SMALLEST))
     return lines
 
 
-def _place(figure: Figure, panels: Panels, columns: int, lines: int, change: Change) -> None:
+def _place(figure: Figure, panels: Panels, columns: int, lines: int) -> None:
     """Put the panels below each other, large ones first, as wide as they find room."""
     large, grid = _large(panels), _grid(panels)
     small = [ax for ax in panels if ax not in large]
@@ -159,12 +138,11 @@ def _place(figure: Figure, panels: Panels, columns: int, lines: int, change: Cha
         height = min(max(height, LOWEST[columns]), TALLEST)
         if (names := max(map(_names, panels))) > ROWS:
             height = OF_ROW * names + 0.5
-    size = WIDTH, (columns * len(large) + rows) * height + 0.3 + 0.2 * lines
-    change(figure.set_size_inches, (wide, high), size)
+    figure.set_size_inches(WIDTH, (columns * len(large) + rows) * height + 0.3 + 0.2 * lines)
     ratios = [columns] * len(large) + [1] * rows
     below = GridSpec(len(ratios), columns, figure=figure, height_ratios=ratios)
     for index, ax in enumerate(large):
-        change(ax.set_subplotspec, panels[ax], below[index, :])
+        ax.set_subplotspec(below[index, :])
     for index, ax in enumerate(small):
         row, column = divmod(index, columns)
-        change(ax.set_subplotspec, panels[ax], below[len(large) + row, column])
+        ax.set_subplotspec(below[len(large) + row, column])

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterable
 from functools import wraps
-from typing import Any, Concatenate, ParamSpec
+from typing import Any
 
 import matplotlib as mpl
 from matplotlib.axes import Axes
@@ -20,16 +20,15 @@ FINE: dict[Any, Any] = {  # by matplotlib's names of its settings, beside those 
     "lines.linewidth": 1.5,
 }
 
-P = ParamSpec("P")
-Draw = Callable[Concatenate[Figure, P], str]
+Draw = Callable[..., str]
 
 
-def picture(width: float, height: float) -> Callable[[Draw[P]], Callable[P, str]]:
+def picture(width: float, height: float) -> Callable[[Draw], Draw]:
     """Turn a function that draws on a figure of these inches, and returns its text, into HTML."""
 
-    def turned(draw: Draw[P]) -> Callable[P, str]:
+    def turned(draw: Draw) -> Draw:
         @wraps(draw)
-        def html(*args: P.args, **kwargs: P.kwargs) -> str:
+        def html(*args: Any, **kwargs: Any) -> str:
             with look(), mpl.rc_context(FINE):
                 figure = BookFigure(figsize=(width, height))
                 text = draw(figure, *args, **kwargs)

@@ -95,8 +95,8 @@ class BookFigure(Figure):
         if len(lines) <= MOST_LINES:
             beside["vector"] = lines
         if panels_of(self):
-            with look(), narrow(self):
-                beside["narrow"] = b64encode(self._png()).decode()
+            with look():
+                beside["narrow"] = b64encode(narrow(self)._png()).decode()
         return wide, beside
 
     def svg(self, letters: str = "path") -> str:
@@ -358,8 +358,7 @@ def figure_html(figure: Figure, alt: str, colours: int = 64) -> str:
     image = image_html(small_png(figure, colours), alt)
     if not panels_of(figure):
         return image
-    with narrow(figure):
-        source = _data(small_png(figure, colours))
+    source = _data(small_png(narrow(figure), colours))
     return f'<picture><source media="(max-width: 600px)" srcset="{source}">{image}</picture>'
 
 

@@ -1,6 +1,5 @@
 """What is looked at while posteriors learn: their coverage in rooms, their stability elsewhere."""
 
-from abc import ABC, abstractmethod
 from collections.abc import Sequence
 
 import numpy as np
@@ -25,7 +24,7 @@ FEWER = 50  # the same where only a standard deviation is asked for
 OFF = 1e-6  # relative; so far beside an eigenvalue its eigenvector is looked for
 
 
-class Probe(ABC):
+class Probe:
     """Looks at an agent now and then; ``arrays`` are stored with the returns."""
 
     def __init__(
@@ -45,9 +44,9 @@ class Probe(ABC):
         assert isinstance(agent, VariationalTransfer)
         self._noted.append(self._note(agent))
 
-    @abstractmethod
     def _note(self, agent: VariationalTransfer) -> dict[str, Tensor]:
         """What is to be stored of the agent now."""
+        raise NotImplementedError
 
     def _samples(self, agent: VariationalTransfer, count: int) -> Tensor:
         """So many weights from each component of the present posterior."""

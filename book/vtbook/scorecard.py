@@ -26,11 +26,9 @@ def bar(pages: Mapping[str, Sequence[Claim]]) -> Figure:
                     words = f"{count} {verdict.replace(' ', chr(10), 1)}"
                     ax.text(left + count / 2, y, words, ha="center", va="center", fontsize=8.5)
                 left += count
-        ax.set_yticks(range(len(tables.PROTOCOLS)), list(tables.PROTOCOLS.values()))
+            ax.text(-0.4, y, tables.PROTOCOLS[protocol], ha="right", va="center")
         ax.invert_yaxis()
         ax.set_axis_off()
-        for y, name in enumerate(tables.PROTOCOLS.values()):
-            ax.text(-0.4, y, name, ha="right", va="center")
     return figure
 
 

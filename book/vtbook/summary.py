@@ -6,12 +6,12 @@ from collections.abc import Mapping
 import numpy as np
 
 from vtbook.claims import Claim, Runs
+from vtbook.decomposition import course
 from vtbook.experiments.cartpole import CARTPOLE, CARTPOLE_NOTHING
 from vtbook.experiments.maze import MAZE_NOTHING, MAZE_TARGETS
 from vtbook.experiments.mountain_car import CAR, CAR_NOTHING
 from vtbook.tables import PROTOCOLS, tally
 from vtbook.verdicts import PAGES
-from vtlab.experiment import Experiment
 from vtlib.stats import Interval, mean_interval
 
 
@@ -45,10 +45,6 @@ def over_nothing() -> dict[str, Interval]:
     }
 
 
-def _course(experiment: Experiment, label: str) -> np.ndarray:
-    return Runs.of(experiment, label).shares_until(experiment.iterations)
-
-
 def mazes_over_nothing() -> dict[str, Interval]:
     """How much more 1-MGVT earns than its own learner without sources, over four mazes together.
 
@@ -56,13 +52,12 @@ def mazes_over_nothing() -> dict[str, Interval]:
     """
     gaps: dict[str, list[np.ndarray]] = {}
     for number, nothing in MAZE_NOTHING.items():
-        ours = {x: _course(e, "1-MGVT") for x, e in MAZE_TARGETS[number]._asdict().items()}
-        alone, guided = _course(nothing, "NT"), _course(nothing, "NT, guided")
+        ours = course(MAZE_TARGETS[number].published, "1-MGVT")
+        alone, guided = course(nothing, "NT"), course(nothing, "NT, guided")
         for name, gap in {
-            "as published": ours["published"] - alone,
-            "by the equations": ours["equations"] - alone,
+            "as published": ours - alone,
             "guided": guided - alone,
-            "1-MGVT minus guided": ours["published"] - guided,
+            "1-MGVT minus guided": ours - guided,
         }.items():
             gaps.setdefault(name, []).append(gap)
     return {name: mean_interval(np.concatenate(each)) for name, each in gaps.items()}

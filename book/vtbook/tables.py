@@ -47,14 +47,11 @@ MET = (
 def claims_table(claims: Sequence[Claim]) -> str:
     """Claims with what decides about them: the number, its bounds, and both protocols' verdicts."""
     printed = any(x.printed is not None for x in claims)
-    return _claims([_claim_row(x, printed) for x in claims], printed)
-
-
-def _claims(rows: Iterable[str], printed: bool) -> str:
     heads = ["Claim, and the number that decides", *PROTOCOLS.values()]
     heads += ["Published curve"] * printed
     head = "".join(f"<th scope='col'>{x}</th>" for x in heads)
-    body = f"<thead><tr>{head}</tr></thead><tbody>{''.join(rows)}</tbody>"
+    rows = "".join(_claim_row(x, printed) for x in claims)
+    body = f"<thead><tr>{head}</tr></thead><tbody>{rows}</tbody>"
     caption = f"<caption>{MET}</caption>" if "<br>met at" in body else ""
     return f"<table class='claims'>{caption}{body}</table>"
 

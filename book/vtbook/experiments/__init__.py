@@ -51,5 +51,5 @@ FIGURES = (
     mountain_car.CAR,
     *maze.MAZE_TARGETS.values(),
 )
-# The figures of the thesis, in both protocols; the other experiments ask why.
+# The figures of the thesis; the other experiments ask why.
 THESIS = {experiment.name: experiment for experiment in experiments_in(FIGURES)}

@@ -27,6 +27,12 @@ class Protocols(NamedTuple):
     equations: Experiment
 
 
+class AsPublished(NamedTuple):
+    """An experiment that was run as published alone."""
+
+    published: Experiment
+
+
 def transfer_settings(experiment: Experiment, label: str) -> Settings:
     """The settings of an algorithm that transfers; ValueError when it is another one."""
     settings = experiment.algorithms[label]

@@ -229,7 +229,6 @@ ROOMS_CALIBRATION = evolve(
         "1-MGVT": PUBLISHED_MGVT,
         "GVT, equations": GVT,
         "1-MGVT, equations": MGVT,
-        "3-MGVT, equations": evolve(MGVT, components=3),
     },
     iterations=10_000,
     every=500,

@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 from attrs import field, frozen
 from torch import Tensor
 
-from vtlib.checks import HUGE, between, check_kind, check_weights, whole
+from vtlib.checks import HUGE, between, check_weights, whole
 from vtlib.qfunctions import QFunction, greedy
 from vtlib.replay import ReplayBuffer, Transition
 from vtlib.rng import Rng
@@ -40,8 +40,7 @@ class Learner(ABC):
     mu: Tensor  # weights (R, C, d) of the greedy policy
 
     def __init__(self, q: QFunction, sources: Tensor, obs_dim: int, settings: Any, rng: Rng):
-        check_kind("sources", sources, Tensor)
-        check_weights("sources", sources, "run", "source", q.d)
+        check_weights("sources", sources, "run", "source", q.d, tensor=True)
         rng.check_rows(len(sources))
         self._q, self._replay = q, rng.stream("replay")
         self._buffer = ReplayBuffer(len(sources), settings.buffer, obs_dim)

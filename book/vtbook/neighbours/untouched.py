@@ -8,7 +8,7 @@ import torch
 from attrs import field, frozen
 from torch import Tensor
 
-from vtlib.checks import between, check_kind, check_weights, whole
+from vtlib.checks import between, check_weights, whole
 from vtlib.qfunctions import QFunction, greedy
 from vtlib.replay import Transition
 from vtlib.rng import Rng
@@ -40,8 +40,7 @@ class Untouched:
     """
 
     def __init__(self, q: QFunction, sources: Tensor, settings: UntouchedSettings, rng: Rng):
-        check_kind("sources", sources, Tensor)
-        check_weights("sources", sources, "run", "source", q.d)
+        check_weights("sources", sources, "run", "source", q.d, tensor=True)
         rng.check_rows(len(sources))
         runs, count, _ = sources.shape
         self._q, self._sources, self._settings = q, sources, settings

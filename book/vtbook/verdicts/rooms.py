@@ -1,6 +1,7 @@
 """The claims of section 6.1, in the rooms."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -111,48 +112,35 @@ def _clear(runs: Runs) -> Interval:
     return mean_interval(progress[np.isfinite(progress)])
 
 
+def _coverage(runs: Runs) -> dict[str, np.ndarray]:
+    return visits.coverage(_places(runs))
+
+
 def rooms_exploration() -> list[Claim]:
     """Section 6.1.3, Figure 6.4, of which no numbers were published."""
     figure = Figure(rooms.ROOMS_EXPLORATION._asdict())
-    claims = [
-        figure.claim(
-            "ε-greedy exploration mostly does not reach the goal.",
-            "share of runs of NT that ever arrive",
-            _arrived,
-            "NT",
-            high=0.5,
-        )
-    ]
-    for text, number, measure, low in (
-        ("{} reaches the goal.", "share of runs that ever arrive", _arrived, 0.5),
-        (
-            "{} goes to the middle of the wall.",
-            "share of the lower room's visits that lie at the door, by an even spread's",
-            _at_door,
-            1.0,
-        ),
-        (
-            "When {} has passed the wall, its path to the goal is clear.",
-            "share of moves beyond the wall that lead nearer to the goal, of runs with any",
-            _clear,
-            CLEAR,
-        ),
-    ):
-        for x in ("GVT", "1-MGVT"):
-            claims.append(figure.claim(text.format(x), number, measure, x, low=low, fact=text))
+    pair, arrive = ("GVT", "1-MGVT"), "share of runs that ever arrive"
+    none = "ε-greedy exploration mostly does not reach the goal."
+    at_door = "share of the lower room's visits that lie at the door, by an even spread's"
+    clear = "When {} has passed the wall, its path to the goal is clear."
+    nearer = "share of moves beyond the wall that lead nearer to the goal, of runs with any"
     wider = "1-MGVT explores the lower room more widely than GVT: {}."
-    for name in visits.coverage(_places(figure.runs["published"]["GVT"])):
+    claims = [figure.claim(none, "share of runs of NT that ever arrive", _arrived, "NT", high=0.5)]
+    for text, number, measure, low in (
+        ("{} reaches the goal.", arrive, _arrived, 0.5),
+        ("{} goes to the middle of the wall.", at_door, _at_door, 1.0),
+        (clear, nearer, _clear, CLEAR),
+    ):
+        claims += [figure.claim(text, number, measure, x, low=low) for x in pair]
+    for name in _coverage(figure.runs["published"]["GVT"]):
         claims.append(
             figure.claim(
-                wider.format(name),
-                f"{name}, 1-MGVT minus GVT",
-                lambda *pair, name=name: difference_interval(
-                    *(visits.coverage(_places(runs))[name] for runs in pair)
-                ),
-                "1-MGVT",
-                "GVT",
+                wider,
+                f"{name}, {{}} minus {{}}",
+                lambda *pair, name=name: difference_interval(*(_coverage(x)[name] for x in pair)),
+                *reversed(pair),
+                words=(name,),
                 low=0.0,
-                fact=wider,
             )
         )
     return claims
@@ -216,42 +204,28 @@ def rooms_number_of_sources() -> list[Claim]:
     half = "At {} iterations GVT from two sources earns about half of what {} does."
     grows = f"The gap of GVT from two sources to {{}} grows until {last:,} iterations."
     alike = "At {} iterations GVT and {} are alike from many sources."
-    claims = []
+    about: dict[str, Any] = {"low": 0.4, "high": 0.75, "stronger": "low"}
+    near: dict[str, Any] = {"low": -0.15, "high": 0.15}
+    claims: list[Claim] = []
     for other in ("1-MGVT", "2-MGVT"):
         few, many = ([count_name(x, n) for x in ("GVT", other)] for n in (FEW, MANY))
-        for t in SOURCES_AT:
-            claims.append(
-                figure.claim(
-                    half.format(f"{t:,}", other),
-                    f"GVT by {other}",
-                    lambda a, b, t=t: a.ratio(b, t),
-                    *few,
-                    low=0.4,
-                    high=0.75,
-                    stronger="low",
-                    fact=half,
-                )
-            )
-        claims.append(
-            figure.claim(
-                grows.format(other),
-                f"{other} minus GVT at {last:,}, less the same at {first:,}, of the optimum",
-                lambda a, b: b.growth(a, first, last),
-                *few,
-                low=0.0,
-                fact=grows,
-            )
+        by, more = (
+            f"GVT by {other}",
+            f"{other} minus GVT at {last:,}, less the same at {first:,}, of the optimum",
         )
-        for t in SOURCES_AT:
-            claims.append(
-                figure.claim(
-                    alike.format(f"{t:,}", other),
-                    f"GVT minus {other} from {MANY} sources, of the optimum",
-                    lambda a, b, t=t: a.gain(b, t),
-                    *many,
-                    low=-0.15,
-                    high=0.15,
-                    fact=alike,
-                )
-            )
+        gap = f"GVT minus {other} from {MANY} sources, of the optimum"
+        at = {t: (f"{t:,}", other) for t in SOURCES_AT}
+        claims += [
+            *(
+                figure.claim(half, by, lambda a, b, t=t: a.ratio(b, t), *few, words=words, **about)
+                for t, words in at.items()
+            ),
+            figure.claim(
+                grows, more, lambda a, b: b.growth(a, first, last), *few, words=(other,), low=0.0
+            ),
+            *(
+                figure.claim(alike, gap, lambda a, b, t=t: a.gain(b, t), *many, words=words, **near)
+                for t, words in at.items()
+            ),
+        ]
     return claims

@@ -92,7 +92,7 @@ class Mazes(TaskBatch):
         pose, jolt = _columns(state), NOISE_SCALE * _columns(noise)
         forward, turn = _EFFECTS[:, action.numpy()]
         move = forward * directions(pose[2]) + jolt[:2]
-        position = self._advance(pose[:2], move)
+        position = advance(self._ground, pose[:2], move)
         heading = (pose[2] + turn + jolt[2]) % (2 * math.pi)
         next_state = _rows(position, heading[None])
         terminated = (next_state[:, :2].floor() == self.goal).all(1)
@@ -104,9 +104,6 @@ class Mazes(TaskBatch):
         rays = directions(pose[2] + ANGLES[:, None])
         distance, flag = look(self._ground, pose[:2], rays)
         return _rows(pose[:2], rays[:, SENSORS // 2], distance, flag)
-
-    def _advance(self, position: np.ndarray, move: np.ndarray) -> np.ndarray:
-        return advance(self._ground, position, move)
 
     @cached_property
     def _ground(self) -> Ground:
