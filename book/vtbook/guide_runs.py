@@ -25,6 +25,7 @@ from vtlib.rng import generator
 from vtlib.stats import difference_interval
 
 RUNS, SEED = 10, 1  # fixed before any of the runs was looked at
+WAYS = ("from nothing", "best source", "fine-tuned", "transfer")
 UNLEARNED = ("sources", "best source", "weights", "own")
 LEVEL = 1e-3  # below which a p value tells two distributions apart
 LOSS = -0.02  # of the way from learning from nothing to the best source, that transfer may lose

@@ -40,7 +40,7 @@ COLOURS = {
     "fine-tuned": "#6c4824",
     "fine-tuned, greedy": "#94793a",
     "fine-tuned mean": "#165269",
-    "recommended": "#7b61ff",
+    "trust": "#7b61ff",
 }
 PUBLISHED = "#8a8a8a"  # a published curve's band
 # Its mean: dashed, since NT's is grey, too.
@@ -57,7 +57,7 @@ STYLES: dict[str, LineStyleType] = {
     "fine-tuned": (0, (2, 1)),
     "fine-tuned, greedy": (0, (2, 1, 1, 1)),
     "fine-tuned mean": (0, (8, 2)),
-    "recommended": (0, (12, 1)),
+    "trust": (0, (12, 1)),
 }
 # Set where a figure that is cut off shall fail: in the book's build and the tests. A reader gets it
 # as it is, for it may be the result of minutes.
