@@ -68,20 +68,6 @@ def test_the_text_of_a_page_has_no_holes(built, page):
                 assert (path.parent / name).exists(), name
 
 
-@pytest.mark.parametrize("page", PAGES)
-def test_captions_and_the_answer_are_those_of_the_page(book, built, page):
-    bs4 = pytest.importorskip("bs4")
-    html = bs4.BeautifulSoup((book / "book" / f"{page}.html").read_text("utf-8"), "html.parser")
-    prose = "\n".join(x.source for x in read(built(page)).cells if x.cell_type == "markdown")
-    figures = [x.get_text(strip=True) for x in html.select("figcaption .caption-number")]
-    assert [x.removesuffix(".") for x in figures] == re.findall(
-        r"^\*\*(Figure \S+)\.\*\*", prose, re.M
-    )
-    if answer := html.select_one(".admonition.tip p:not(.admonition-title)"):
-        words = re.sub(r"[\W_]+", " ", answer.get_text()).split()[:12]
-        assert " ".join(words) in re.sub(r"[\W_]+", " ", prose)
-
-
 def test_what_a_page_folds_is_folded_and_has_no_output_to_be_read(built):
     cells = read(built("rooms_evaluation")).cells
     code = [x for x in cells if x.cell_type == "code"]
@@ -91,15 +77,6 @@ def test_what_a_page_folds_is_folded_and_has_no_output_to_be_read(built):
     for folded in (numbers, settings):
         assert folded.metadata["jupyter"] == {"source_hidden": True, "outputs_hidden": True}
     assert all(x.outputs for x in cells if x.cell_type == "code" and "plots." in x.source[:6])
-
-
-def test_where_an_address_is_set_the_first_cell_installs_from_it(extension):
-    needs = extension("notebooks").needs
-    assert needs("")[0].source.endswith("or `make lab`.")
-    said, cell = needs("https://example.org/vtlib")
-    assert "the next cell installs" in said.source
-    assert "git+https://example.org/vtlib#egg=vtlib" in cell.source
-    assert {tag for x in (said, cell) for tag in x.metadata["tags"]} == {"needs"}
 
 
 @pytest.fixture
