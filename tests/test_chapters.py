@@ -1,4 +1,4 @@
-"""The pages' sources name every module, and only what exists."""
+"""The reference names every module."""
 
 from pathlib import Path
 

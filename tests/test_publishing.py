@@ -15,10 +15,10 @@ def text(name: str) -> str:
     return (ROOT / name).read_text(encoding="utf-8")
 
 
-def test_a_printed_page_shows_no_code_bars_and_figures_of_lines(book, page, extension):
+def test_a_printed_page_shows_no_code_bars_and_figures_of_lines(visit, page, extension):
     pytest.importorskip("pypdf")
     bars = page.locator("details.hide, div.cell_input:has(> details.hide)")
-    page.goto((book / "book" / "rooms_evaluation.html").as_uri(), wait_until="load")
+    visit("book/rooms_evaluation.html")
     page.evaluate(extension("pdf").PREPARED)
     assert page.locator("figure img[src$='.svg']").count() >= 2
     for media, shown in (("screen", True), ("print", False)):

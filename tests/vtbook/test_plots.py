@@ -1,4 +1,4 @@
-"""One look: colours told apart by every eye, and figures that carry what a reader needs."""
+"""One look: figures that carry what a reader needs."""
 
 import itertools
 import re

@@ -1,4 +1,4 @@
-"""A picture in lines has its curve where the axes of its frame say, and uses the frame by name."""
+"""A picture in lines has its curve where the axes of its frame say."""
 
 import re
 from xml.etree import ElementTree

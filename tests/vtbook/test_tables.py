@@ -1,4 +1,4 @@
-"""Tables: settings once each, costs added up, robust numbers, claims that cannot break the page."""
+"""Tables: facts counted once, and costs added up."""
 
 import re
 from html import unescape

@@ -1,4 +1,4 @@
-"""Value maps: the grid, what is mapped over it, and how it is drawn."""
+"""Value maps: the grid, what is mapped over it, and on the way of a run."""
 
 from itertools import pairwise
 
