@@ -253,3 +253,14 @@ def watched(browser):
 def page(watched):
     with watched() as page:
         yield page
+
+
+@pytest.fixture
+def visit(book, page):
+    """Open a page of the book from disk."""
+
+    def opened(name):
+        page.goto(f"{book.as_uri()}/{name}", wait_until="load")
+        page.wait_for_timeout(300)
+
+    return opened

@@ -1,6 +1,5 @@
-"""The built book: complete, linked, numbered, described in words, and light."""
+"""The built book: complete, linked, numbered and light."""
 
-import json
 import re
 from functools import cache
 from pathlib import Path
@@ -8,8 +7,6 @@ from urllib.parse import unquote, urlsplit
 
 import pytest
 from bs4 import BeautifulSoup
-
-ROOT = Path(__file__).resolve().parents[1]
 
 
 def written_pages(book: Path) -> list[Path]:
@@ -48,18 +45,9 @@ def test_internal_links_resolve(book):
     assert not broken, "\n".join(broken)
 
 
-def test_a_page_is_named_light_and_describes_its_pictures(book):
+def test_a_page_is_light(book):
     for path in written_pages(book):
-        document = soup(path)
-        assert "Variational Transfer of Value Functions" in document.title.text, path
-        assert document.html["lang"] == "en", path
-        assert document.find("link", rel="icon") is not None, path
         assert path.stat().st_size < 4e6, path
-        assert document.select_one("figure picture") or not path.stem.startswith("rooms_"), path
-        for image in document.find_all("img"):
-            alt = image.get("alt", "").strip()
-            assert alt, f"{path}: {str(image)[:120]}"
-            assert not alt.startswith(("../", "_images")), path
 
 
 def test_equations_carry_the_numbers_of_the_thesis_in_its_order(book):
@@ -83,14 +71,3 @@ def test_equations_and_functions_lead_to_each_other(book):
             entry = reference[file].find(id=name).parent
             assert entry.select(f"a[href*='{page}.html#equation-eq-']"), name
             assert entry.select("div.math"), f"{name} shows no formula"
-
-
-def test_pages_with_code_offer_a_notebook_and_say_how_long_they_take(book):
-    for path in written_pages(book):
-        source = (ROOT / "book" / path.name).with_suffix(".md").read_text(encoding="utf-8")
-        links = [a["href"] for a in soup(path).select("a[href$='.ipynb']")]
-        assert bool(links) == ("\nkernelspec:" in source[:500]), path.name
-        for link in links:
-            assert json.loads((path.parent / link).read_text(encoding="utf-8"))["cells"]
-            note = soup(path).select_one(".page-note").text
-            assert re.match(r"Takes about \d+ (seconds|minutes) to run", note), path.name

@@ -13,37 +13,24 @@ from vtbook.experiments.rooms import (
 )
 
 
-@pytest.fixture
-def visits(book, address, page):
-    """Open a page from the web server and from disk, yielding its address each time."""
-
-    def visited(name):
-        for folder in (address, book.as_uri()):
-            page.goto(f"{folder}/book/{name}.html", wait_until="load")
-            page.wait_for_timeout(300)
-            yield page.url
-
-    return visited
-
-
 def handles_of(page):
     """The sliders of a page, once they are there and have their names."""
     page.wait_for_selector(".widget-slider .noUi-handle[aria-label]", state="attached")
     return page.locator(".widget-slider .noUi-handle").all()
 
 
-def test_search_finds_a_word_of_the_text(visits, page):
+def test_search_finds_a_word_of_the_text(visit, page):
     word, name = "horseshoe", "method"
-    for _ in visits(name):
-        assert word not in " ".join(page.locator("h1, h2, h3").all_inner_texts()).lower()
-        page.locator(".search-button-field:visible, .search-button:visible").first.click()
-        box = page.locator("input[type=search]:visible").first
-        box.fill(word)
-        box.press("Enter")
-        page.wait_for_url("**/search.html*")
-        page.wait_for_selector(f"#search-results li a[href*='{name}.html']")
-        assert not page.faults
-        assert not page.foreign
+    visit(f"book/{name}.html")
+    assert word not in " ".join(page.locator("h1, h2, h3").all_inner_texts()).lower()
+    page.locator(".search-button-field:visible, .search-button:visible").first.click()
+    box = page.locator("input[type=search]:visible").first
+    box.fill(word)
+    box.press("Enter")
+    page.wait_for_url("**/search.html*")
+    page.wait_for_selector(f"#search-results li a[href*='{name}.html']")
+    assert not page.faults
+    assert not page.foreign
 
 
 # Three pages whose sliders differ, with their experiments. Mountain car has a slider over the
@@ -76,7 +63,7 @@ def assert_shown(page, setting, panels):
 
 @pytest.mark.usefixtures("vendored")
 @pytest.mark.parametrize("name", SETTINGS)
-def test_each_slider_shows_the_picture_of_its_setting(visits, page, name):
+def test_each_slider_shows_the_picture_of_its_setting(visit, page, name):
     experiment, moments = SETTINGS[name]
     published, panels = experiment.published, 1 + bool(moments)
     label = next(label for label in published.algorithms if label.startswith("1-MGVT"))
@@ -84,72 +71,73 @@ def test_each_slider_shows_the_picture_of_its_setting(visits, page, name):
     lambdas = ROOMS_LAMBDAS if name.startswith("rooms") else slider_lambdas(base)
     values = [[f"lambda = {x:.0e}," for x in lambdas]]
     values += [[f"psi = {x:g}," for x in PSIS], [f" {x};" for x in POSTERIORS]]
-    for _ in visits(name):
-        handles = handles_of(page)
-        numbers = handles.pop() if name == "rooms_number_of_sources" else None
-        *above, first, second, third = handles
-        assert len(above) == panels - 1
-        current = [f"lambda = {base.lambda_:.0e},", f"psi = {base.psi:g},", " 1-MGVT;"]
-        assert_shown(page, current, panels)
-        for key, moment in zip(("Home", "ArrowRight", "ArrowRight", "End"), moments, strict=False):
-            above[0].press(key)
-            assert_shown(page, [f"after {moment} iterations"], panels)
-        for axis, handle in enumerate((first, second, third)):
-            for at, text in enumerate(values[axis]):
-                handle.press("ArrowRight" if at else "Home")
-                current[axis] = text
-                assert_shown(page, current, panels)
-        if numbers:
-            before = pictures(page)
-            numbers.press("Home")
+    visit(f"book/{name}.html")
+    handles = handles_of(page)
+    numbers = handles.pop() if name == "rooms_number_of_sources" else None
+    *above, first, second, third = handles
+    assert len(above) == panels - 1
+    current = [f"lambda = {base.lambda_:.0e},", f"psi = {base.psi:g},", " 1-MGVT;"]
+    assert_shown(page, current, panels)
+    for key, moment in zip(("Home", "ArrowRight", "ArrowRight", "End"), moments, strict=False):
+        above[0].press(key)
+        assert_shown(page, [f"after {moment} iterations"], panels)
+    for axis, handle in enumerate((first, second, third)):
+        for at, text in enumerate(values[axis]):
+            handle.press("ArrowRight" if at else "Home")
+            current[axis] = text
             assert_shown(page, current, panels)
-            assert pictures(page) != before
+    if numbers:
+        before = pictures(page)
+        numbers.press("Home")
+        assert_shown(page, current, panels)
+        assert pictures(page) != before
 
 
-def test_a_state_of_the_sliders_can_be_linked(visits, page):
+def test_a_state_of_the_sliders_can_be_linked(visit, page):
     base = transfer_settings(ROOMS_EXPLORATION.published, "1-MGVT")
-    for url in visits("rooms_exploration"):
-        *_, power, psi, _ = handles_of(page)
-        assert "#" not in page.url
-        power.press("End")
-        psi.press("Home")
-        assert page.url == f"{url}#lambda={len(ROOMS_LAMBDAS) - 1}&psi=0"
-        linked = [f"lambda = {ROOMS_LAMBDAS[-1]:.0e},", "psi = 0,", " 1-MGVT;"]
-        assert_shown(page, linked, 2)
-        page.reload()
+    visit("book/rooms_exploration.html")
+    url = page.url
+    *_, power, psi, _ = handles_of(page)
+    assert "#" not in page.url
+    power.press("End")
+    psi.press("Home")
+    assert page.url == f"{url}#lambda={len(ROOMS_LAMBDAS) - 1}&psi=0"
+    linked = [f"lambda = {ROOMS_LAMBDAS[-1]:.0e},", "psi = 0,", " 1-MGVT;"]
+    assert_shown(page, linked, 2)
+    page.reload()
+    handles_of(page)
+    assert_shown(page, linked, 2)
+    with page.expect_event("load"):  # another state of the page that is open
+        page.evaluate("location.hash = 'posterior=2'")
+    handles_of(page)
+    usual = [f"lambda = {base.lambda_:.0e},", f"psi = {base.psi:g},"]
+    assert_shown(page, [*usual, f" {POSTERIORS[2]};"], 2)
+    for wild in ("psi=x&posterior=2&nothing=1", "the-question"):
+        page.goto("about:blank")
+        page.goto(f"{url}#{wild}")
         handles_of(page)
-        assert_shown(page, linked, 2)
-        with page.expect_event("load"):  # another state of the page that is open
-            page.evaluate("location.hash = 'posterior=2'")
-        handles_of(page)
-        usual = [f"lambda = {base.lambda_:.0e},", f"psi = {base.psi:g},"]
-        assert_shown(page, [*usual, f" {POSTERIORS[2]};"], 2)
-        for wild in ("psi=x&posterior=2&nothing=1", "the-question"):
-            page.goto("about:blank")
-            page.goto(f"{url}#{wild}")
-            handles_of(page)
-            assert_shown(page, [*usual, f" {POSTERIORS[2]};" if "=" in wild else " 1-MGVT;"], 2)
+        assert_shown(page, [*usual, f" {POSTERIORS[2]};" if "=" in wild else " 1-MGVT;"], 2)
 
 
 STEP = "Number(document.querySelector('.race input').value)"
 
 
-def test_the_race_plays_by_itself_pauses_and_is_scrubbed(visits, page):
-    for _ in visits("index"):
-        counts, button = page.locator(".race .count"), page.locator(".race button")
-        button.scroll_into_view_if_needed()
-        page.wait_for_function(f"{STEP} > 20 && {STEP} < 5000")
-        button.click()
-        assert button.inner_text() == "Play"
-        held = page.evaluate(STEP)
-        page.wait_for_timeout(200)
-        assert page.evaluate(STEP) == held
-        page.locator(".race input").press("Home")
-        assert counts.all_inner_texts() == ["goal reached 0 times"] * 2
-        page.keyboard.press("End")
-        label = page.locator(".race .squares").get_attribute("aria-label")
-        for text in counts.all_inner_texts():
-            assert text.removeprefix("goal reached ") in label
+def test_the_race_plays_by_itself_pauses_and_is_scrubbed(visit, page):
+    visit("book/index.html")
+    counts, button = page.locator(".race .count"), page.locator(".race button")
+    button.scroll_into_view_if_needed()
+    page.wait_for_function(f"{STEP} > 20 && {STEP} < 5000")
+    button.click()
+    assert button.inner_text() == "Play"
+    held = page.evaluate(STEP)
+    page.wait_for_timeout(200)
+    assert page.evaluate(STEP) == held
+    page.locator(".race input").press("Home")
+    assert counts.all_inner_texts() == ["goal reached 0 times"] * 2
+    page.keyboard.press("End")
+    label = page.locator(".race .squares").get_attribute("aria-label")
+    for text in counts.all_inner_texts():
+        assert text.removeprefix("goal reached ") in label
 
 
 def test_the_race_stands_still_at_its_end_for_those_who_want_no_motion(address, page):

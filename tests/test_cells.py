@@ -102,23 +102,3 @@ def faults(text: str) -> list[str]:
 @pytest.mark.parametrize("page", PAGES)
 def test_a_reader_sees_what_is_executed(page):
     assert faults((BOOK / f"{page}.md").read_text(encoding="utf-8")) == []
-
-
-@pytest.mark.parametrize("page", PAGES)
-def test_every_number_that_is_kept_is_in_the_text(page):
-    """Names that a cell makes by a format count where the text has one that fits."""
-    text = (BOOK / f"{page}.md").read_text(encoding="utf-8")
-    wanted = {" ".join(x.split()) for x in re.findall(r"\{glue:text\}`([^`]*)`", text)}
-    for cell in cells_of(text):
-        for node in ast.walk(cell.tree):
-            if isinstance(node, ast.Call) and ast.unparse(node.func) == "page.say":
-                pattern = fitting(node.args[0])
-                assert any(re.fullmatch(pattern, x) for x in wanted), ast.unparse(node)
-
-
-def fitting(name: ast.expr) -> str:
-    """A pattern for what a text, with or without formats, can become."""
-    if isinstance(name, ast.JoinedStr):
-        parts = [re.escape(x.value) if isinstance(x, ast.Constant) else ".+" for x in name.values]
-        return "".join(parts)
-    return re.escape(name.value) if isinstance(name, ast.Constant) else ".+"

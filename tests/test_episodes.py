@@ -88,6 +88,8 @@ def test_gym_episodes_equal_a_loop_over_each_environment():
     odd = [TransformAction(Reuses(env), lambda action: action - 3, space) for env in envs[:2]]
     with pytest.raises(ValueError, match="shorter"):
         GymEpisodes(odd, seeds=[0])
+    with pytest.raises(ValueError, match="must have the same spaces"):
+        GymEpisodes([gymnasium.make(x) for x in ("CartPole-v1", "Acrobot-v1")], seeds=[0, 0])
     lock, env = GymEpisodes(odd, seeds=[5, 6], gamma=0.9), envs[2]
     assert (lock.obs_dim, lock.n_actions) == (4, 2)
     actions = torch.randint(2, (120, 2), generator=torch.Generator().manual_seed(0))
@@ -107,16 +109,3 @@ def test_gym_episodes_equal_a_loop_over_each_environment():
             obs = env.reset()[0] if fresh[r] else after
         assert ends >= {(True, False), (False, True)}
         assert lock.returns.mean()[r] == returns.mean()
-
-
-@pytest.mark.parametrize(
-    ("names", "message"),
-    [
-        (["FrozenLake-v1"], "one-dimensional Box observation space, got .*FlattenObservation"),
-        (["Pendulum-v1"], "Discrete action space, got .*TransformAction"),
-        (["CartPole-v1", "Acrobot-v1"], "must have the same spaces"),
-    ],
-)
-def test_gym_spaces_are_of_the_one_kind(names, message):
-    with pytest.raises(ValueError, match=message):
-        GymEpisodes([gymnasium.make(name) for name in names], seeds=[0, 0])

@@ -24,14 +24,12 @@ def plain(extension):
 @pytest.mark.parametrize(
     ("myst", "markdown"),
     [
-        ("It earns {glue:text}`share`.", "It earns 91%."),
         (
             "By {eq}`eq-5-2`, see {doc}`the next\npage <mazes>`.",
             "By (5.2), see [the next page](06.08-mazes.ipynb).",
         ),
         (r"$\E[x] + \KL(q) + \Eps$", r"$\mathbb{E}[x] + \mathrm{KL}(q) + \Eps$"),
         ("(the-place)=\n## A place", "## A place"),
-        ("$$\nx\n$$ (eq-5-2)", "$$\nx\n\\tag{5.2}\n$$"),
         (
             "```{admonition} The answer\n:class: tip\n\nYes, {glue:text}`share`.\n```",
             "> **The answer**\n>\n> Yes, 91%.",

@@ -15,28 +15,15 @@ def text(name: str) -> str:
     return (ROOT / name).read_text(encoding="utf-8")
 
 
-def test_a_printed_page_shows_no_code_bars_and_figures_of_lines(book, page, extension):
+def test_a_printed_page_shows_no_code_bars_and_figures_of_lines(visit, page, extension):
     pytest.importorskip("pypdf")
     bars = page.locator("details.hide, div.cell_input:has(> details.hide)")
-    page.goto((book / "book" / "rooms_evaluation.html").as_uri(), wait_until="load")
+    visit("book/rooms_evaluation.html")
     page.evaluate(extension("pdf").PREPARED)
     assert page.locator("figure img[src$='.svg']").count() >= 2
     for media, shown in (("screen", True), ("print", False)):
         page.emulate_media(media=media)
         assert bars.evaluate_all("all => all.some(one => one.checkVisibility())") == shown
-
-
-def test_a_published_page_says_where_it_runs_and_one_on_disk_does_not(extension):
-    online = extension("notebooks").online
-    links = online("https://github.com/someone/vtlib", "06.01-rooms.ipynb")
-    assert links == {
-        "on Binder": "https://mybinder.org/v2/gh/someone/vtlib/HEAD?urlpath=lab/tree/notebooks/06.01-rooms.ipynb",
-        "in Codespaces": "https://codespaces.new/someone/vtlib",
-    }
-    assert online("https://github.com/someone/vtlib.git", "x") == online(
-        "https://github.com/someone/vtlib/", "x"
-    )
-    assert online("", "x") == online("https://example.org/vtlib", "x") == {}
 
 
 def test_the_citation_file_and_the_book_name_the_same_title_and_version():

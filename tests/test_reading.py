@@ -10,21 +10,10 @@ for (const name of ["localStorage", "sessionStorage"]) Object.defineProperty(win
 DARK = "getComputedStyle(document.querySelector('.bd-article h1')).color"
 
 
-@pytest.fixture
-def opened(book, page):
-    """Open a page of the book from disk."""
-
-    def open_page(name):
-        page.goto(f"{book.as_uri()}/{name}", wait_until="load")
-        page.wait_for_timeout(500)
-        return page
-
-    return open_page
-
-
-def test_what_is_printed_from_the_dark_theme_is_dark_on_white(page, opened):
+def test_what_is_printed_from_the_dark_theme_is_dark_on_white(page, visit):
     page.emulate_media(color_scheme="dark")
-    root = opened("book/rooms_evaluation.html").locator("html")
+    visit("book/rooms_evaluation.html")
+    root = page.locator("html")
     assert root.get_attribute("data-theme") == "dark"
     page.emulate_media(media="print", color_scheme="dark")
     page.wait_for_function("document.documentElement.dataset.theme === 'light'")
@@ -34,9 +23,9 @@ def test_what_is_printed_from_the_dark_theme_is_dark_on_white(page, opened):
 
 
 @pytest.mark.usefixtures("vendored")
-def test_in_forced_colours_keys_differ_and_sliders_have_tracks(page, opened):
+def test_in_forced_colours_keys_differ_and_sliders_have_tracks(page, visit):
     page.emulate_media(forced_colors="active")
-    opened("book/rooms_evaluation.html")
+    visit("book/rooms_evaluation.html")
     page.wait_for_selector(".widget-slider .noUi-target", state="attached")
     colours = page.evaluate(
         "[...document.querySelectorAll('.trainer .legend li')].slice(0, 3)"
@@ -49,16 +38,16 @@ def test_in_forced_colours_keys_differ_and_sliders_have_tracks(page, opened):
 
 
 @pytest.mark.parametrize("word", ["constructor", "__proto__", "hasOwnProperty"])
-def test_a_search_for_a_word_of_the_language_itself_ends(page, opened, word):
-    opened(f"search.html?q={word}")
+def test_a_search_for_a_word_of_the_language_itself_ends(page, visit, word):
+    visit(f"search.html?q={word}")
     page.wait_for_selector("#search-results > p, #search-results li")
     assert "searching" not in page.locator("#search-results").inner_text().lower()
     assert not page.faults
 
 
-def test_without_storage_the_theme_can_be_chosen(page, opened):
+def test_without_storage_the_theme_can_be_chosen(page, visit):
     page.add_init_script(DENIED)
-    opened("book/setting.html")
+    visit("book/setting.html")
     modes = set()
     for _ in range(3):
         page.locator(".theme-switch-button:visible").first.click()

@@ -319,10 +319,3 @@ def test_a_large_covariance_is_diagonal_moves_calmly_and_says_so(caplog):
     assert (type(large), large._alpha) == (Diagonal, CALM)
     said = "2,000 weights would take 0.0 GB as full covariances: they are diagonal"
     assert [x.getMessage()[: len(said)] for x in caplog.records] == [said]
-
-
-def test_memory_is_stated_before_it_is_taken(monkeypatch, caplog):
-    monkeypatch.setattr(posteriors, "GIGABYTE", 100.0)
-    start = Start(torch.zeros(1, 2, 9), 1.0)
-    COVARIANCES["full"](start, Precision(1.0), Descent(0.1, 1e-4), Stream("t", [0], "p"), 2)
-    assert caplog.messages == ["the full covariances of 9 weights take 6.5 GB"]

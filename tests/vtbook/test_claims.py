@@ -8,7 +8,6 @@ from xarray import Dataset
 
 from vtbook import claims
 from vtbook.claims import NOT, REPRODUCED, STRONGER, UNDECIDED, Claim, Figure, Printed, Runs
-from vtbook.experiments.rooms import ROOMS_INGREDIENTS
 from vtbook.published import PublishedCurve
 from vtlib.stats import Interval, mean_interval
 
@@ -177,10 +176,3 @@ def test_curves_overlap_where_both_were_recorded_and_their_intervals_meet(figure
     monkeypatch.setitem(figure.printed, "A", Printed(later, later, 4.0))
     # at 1,000 the curve's first value meets ours, at 1,500 its second one; 2,000 is not ours
     assert figure.overlap("published", "A", "learning") == 1
-
-
-def test_runs_are_found_by_label():
-    runs = claims.runs_of(ROOMS_INGREDIENTS)
-    assert list(runs) == list(ROOMS_INGREDIENTS.algorithms)
-    own = claims.Runs.of(ROOMS_INGREDIENTS, "GVT, no clip")
-    assert runs["GVT, no clip"].stored.identical(own.stored)

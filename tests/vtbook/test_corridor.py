@@ -68,10 +68,3 @@ def test_the_page_believes_what_python_does_after_three_updates(call):
         draw, before.mean + np.linalg.cholesky(before.covariance) @ noise, atol=1e-9
     )
     assert cells == corridor.walk(np.array(draw))
-
-
-def test_the_storyboard_shows_a_walk_that_misleads_and_what_it_teaches():
-    figure = corridor.storyboard()
-    assert [ax.get_title("left") for ax in figure.axes] == list(corridor.STEPS)
-    way = figure.axes[3].lines[-1].get_xdata()
-    assert max(way) == corridor.START > min(way)

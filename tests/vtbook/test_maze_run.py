@@ -5,7 +5,7 @@ import pytest
 import torch
 
 from vtbook.experiments.maze import MAIN, MAZE_TARGETS
-from vtbook.maze_run import SEEN, follow, maze_of, six_walks, walks_picture
+from vtbook.maze_run import SEEN, follow, maze_of, six_walks
 from vtlab.run import prepare
 
 HERE = MAZE_TARGETS[MAIN].published
@@ -51,12 +51,3 @@ def test_a_run_is_looked_at_where_it_was_asked_for_and_is_not_disturbed(weights)
     for a, b in zip(six_walks(HERE, greedy), found.walks[0], strict=True):
         np.testing.assert_array_equal(a, b)
     assert SEEN == 200  # as the page says
-
-
-def test_a_picture_of_walks_says_how_many_arrive():
-    maze, start = maze_of(HERE), six_walks(HERE, forward)[0][:1]
-    there = np.concatenate([start, start])
-    there[-1, :2] = maze.goal[0].numpy() + 0.5
-    picture = walks_picture(maze, {"1-MGVT": [start, there], "DDQN": [start, start]}, 1_000)
-    assert "after 1000 iterations" in picture
-    assert "1-MGVT: 1 of 2 robots reach the goal; DDQN: 0 of 2 robots" in picture

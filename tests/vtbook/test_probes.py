@@ -1,8 +1,5 @@
 """The probes of an experiment: what they note, at each look, without disturbing the runs."""
 
-import subprocess
-import sys
-
 import numpy as np
 import pytest
 import torch
@@ -20,10 +17,6 @@ FAMILY = RoomsFamily(rooms=2)
 Q = FAMILY.q()
 WEIGHTS = np.random.default_rng(0).standard_normal((3, Q.d)).astype(np.float32)
 COVERED = {"inside": (2, 2, 2, len(LEVELS)), "off": (2, 2, 2), "truth": (2, 2), "apart": (2, 2)}
-
-
-def test_the_module_can_be_the_first_that_is_imported():
-    subprocess.run([sys.executable, "-c", "import vtbook.probes"], check=True)
 
 
 @pytest.fixture(scope="module", autouse=True)

@@ -100,11 +100,6 @@ def test_settings_are_trained_and_compared_by_run(monkeypatch, lambda_):
     assert (yours == pytest.approx(stored, abs=1e-3)) == same
 
 
-def test_fewer_than_two_runs_of_a_readers_own_are_refused():
-    with pytest.raises(ValueError, match=r"^runs must be"):
-        try_settings(HERE, LABEL, OWN, 1, 200)
-
-
 def test_processors_are_those_that_this_process_may_use_where_a_system_tells(monkeypatch):
     monkeypatch.setattr(os, "sched_getaffinity", lambda _: {0, 5, 6}, raising=False)
     assert processors() == 3

@@ -1,4 +1,4 @@
-"""A picture in lines has its curve where the axes of its frame say, and uses the frame by name."""
+"""A picture in lines has its curve where the axes of its frame say."""
 
 import re
 from xml.etree import ElementTree
@@ -47,12 +47,3 @@ def test_a_picture_has_its_curve_where_the_axes_of_its_frame_say(frame):
     ends = [float(dot.attrib["cy"]) for dot in svg.iter("circle")]
     np.testing.assert_allclose(ends, np.polyval(y, stored.learning.values[:, -1]), atol=0.3)
     assert band.attrib["fill"] == line.attrib["stroke"]
-
-
-def test_a_frame_names_nothing_that_others_on_its_page_could_name_otherwise(frame):
-    symbol = ElementTree.fromstring(frame.symbol.replace("xlink:href", "href"))
-    assert symbol.find("symbol").attrib["id"] == "a-frame"
-    used = {x.attrib["href"][1:] for x in symbol.iter() if "href" in x.attrib}
-    used |= set(re.findall(r"url\(#([^)]*)\)", frame.symbol))
-    assert {x.attrib["id"] for x in symbol.iter() if "id" in x.attrib} == used | {"a-frame"}
-    assert "<style" not in frame.symbol  # which would hold for the whole page

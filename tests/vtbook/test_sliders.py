@@ -5,14 +5,12 @@ from unittest.mock import Mock
 
 import numpy as np
 import pytest
-from attrs import evolve
 from xarray import Dataset
 
 from vtbook import claims, sliders, widgets
 from vtbook.claims import Runs
-from vtbook.experiments.grids import POSTERIORS, PSIS, count_name, slider_thesis, sliders_of
+from vtbook.experiments.grids import POSTERIORS, PSIS, slider_thesis, sliders_of
 from vtbook.experiments.rooms import ROOMS_EVALUATION
-from vtlib.stats import Interval
 
 AROUND = ROOMS_EVALUATION.equations
 LAMBDAS = (1e-6, 1e-4)
@@ -61,33 +59,6 @@ def test_each_place_of_the_sliders_shows_its_own_runs_with_words_true_of_them(pi
     assert words.endswith("worse, and both λ and ψ have moved.</p>")
     assert "This is the thesis' setting." in picture(*USUAL)
     assert "This is the thesis' setting." in picture(1e-4, 0.5, "GVT")
-
-
-def test_the_number_of_sources_is_a_slider_of_its_own(pictures):
-    counted = {count_name(x, n): one for x, one in GRID.algorithms.items() for n in (2, 5)}
-    grid, thesis = evolve(GRID, algorithms=counted), slider_thesis(AROUND)
-    given = grid, thesis, lambda n: {f"NT {n}": runs(0.1)}
-    axes, picture = sliders.setting_sliders(*given, counts=(2, 5))
-    assert ([value for _, value in axes[-1].options], axes[-1].start) == ([2, 5], 1)
-    picture(*USUAL, 2)
-    references, own = pictures.frame.call_args[0][1], pictures.picture.call_args[0][1]
-    assert own.stored.name == "1-MGVT-lambda-1e-06-psi-0.5-from-2"
-    assert list(references) == ["NT 2"]
-
-
-@pytest.mark.parametrize(
-    ("lambda_", "psi", "gap", "means"),
-    [
-        (1e-4, 0.5, Interval(0, -1, 1), "no difference that these runs can show"),
-        (1e-4, 0.5, Interval(2, 1, 3), "better here than the thesis' choice"),
-        (1e-4, 0.5, Interval(-2, -3, -1), "held too close to its sources"),
-        (1e-8, 0.5, Interval(-2, -3, -1), "let go of its sources too soon"),
-        (1e-6, 1.0, Interval(-2, -3, -1), "more of the full gradient costs return here"),
-        (1e-6, 0.0, Interval(-2, -3, -1), "less of the full gradient costs return here"),
-    ],
-)
-def test_a_difference_is_said_in_words(lambda_, psi, gap, means):
-    assert sliders.meaning((lambda_, psi, "GVT"), (1e-6, 0.5, "GVT"), gap) == means
 
 
 def test_a_setting_stands_beside_the_same_runs_of_the_references(monkeypatch):

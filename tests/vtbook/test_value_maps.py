@@ -1,18 +1,14 @@
-"""Value maps: the grid, what is mapped over it, and how it is drawn."""
+"""Value maps: the grid, what is mapped over it, and on the way of a run."""
 
 from itertools import pairwise
 
 import numpy as np
 import pytest
 import torch
-from attrs import evolve
-from matplotlib.figure import Figure
 
 from vtbook import value_maps
 from vtbook.value_maps import (
     NODES,
-    draw_map,
-    maps_picture,
     on_the_way,
     plane_states,
     value_map,
@@ -48,21 +44,6 @@ def test_a_map_holds_the_mean_values_over_its_plane_and_the_greedy_policy_s_path
         np.testing.assert_array_equal(state[0, list(plane.axes)].numpy(), place)
         action = q.q(mu, q.prepare(state[None]))[0].mean(0).argmax(0)
         state, _, _ = task.step(state, action, torch.zeros(1, 0))
-
-
-def test_a_map_is_drawn_in_the_units_of_its_labels():
-    one, _ = mapped(CartpoleFamily())
-    ax = Figure().subplots()
-    image = draw_map(ax, one)
-    assert ax.get_xlim() == pytest.approx((-12, 12))
-    np.testing.assert_array_equal(image.get_array(), one.values.max(0))
-    assert image.get_clim() == CartpoleFamily.plane.values
-    (path,) = ax.get_lines()
-    np.testing.assert_allclose(path.get_xdata(), np.rad2deg(one.path[:, 0]), rtol=1e-6)
-    # a network that sees the same action best everywhere has no borders
-    flat = evolve(one, values=np.full((2, NODES, NODES), -7.0))
-    words = f"DDQN: greedy value -7 to -7, {len(one.path) - 1} steps from the start."
-    assert words in maps_picture({"1-MGVT": one, "DDQN": flat}, 1500)
 
 
 @pytest.mark.parametrize("label", ["DDQN", "GVT"])

@@ -206,12 +206,3 @@ def test_runs_of_another_number_or_of_none_are_torn(tiny, tmp_path, wrong):
     saved(tiny, "GVT", tmp_path, {"run": np.arange(3), "learning": wrong})
     with pytest.raises(TornResult, match=r"GVT (does not hold 3|has .* among its) learning"):
         store.load(tiny, "GVT", tmp_path)
-
-
-def test_where_there_are_no_results_at_all_the_error_says_what_to_do(tmp_path, monkeypatch):
-    monkeypatch.setenv("VTLIB_RESULTS", str(tmp_path / "none"))
-    with pytest.raises(FileNotFoundError, match="run in a checkout, or set VTLIB_RESULTS"):
-        store.read(tmp_path / "none" / "rooms" / "NT")
-    monkeypatch.setenv("VTLIB_RESULTS", str(tmp_path))
-    with pytest.raises(FileNotFoundError, match=r"no stored result at \S+$"):
-        store.read(tmp_path / "rooms" / "NT")
