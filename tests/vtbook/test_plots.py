@@ -1,4 +1,4 @@
-"""One look: figures that carry what a reader needs."""
+"""One look: colours told apart by every eye, and figures that carry what a reader needs."""
 
 import itertools
 import re
@@ -9,14 +9,55 @@ from io import BytesIO
 import numpy as np
 import pytest
 from matplotlib.collections import PolyCollection
-from matplotlib.colors import to_hex
+from matplotlib.colors import to_hex, to_rgb
 from PIL import Image
 from xarray import Dataset
 
 from vtbook import plots
-from vtbook.plots import COLOURS
+from vtbook.plots import COLOURS, STYLES
 from vtbook.published import PublishedCurve
 from vtlib.stats import mean_interval
+
+# Full dichromacy, acting on linear RGB: Machado, Oliveira and Fernandes (2009), table 1.
+VISION = {
+    "full": [[1, 0, 0], [0, 1, 0], [0, 0, 1]],
+    "protanopia": [[0.152, 1.053, -0.205], [0.115, 0.786, 0.099], [-0.004, -0.048, 1.052]],
+    "deuteranopia": [[0.367, 0.861, -0.228], [0.280, 0.673, 0.047], [-0.012, 0.043, 0.969]],
+    "tritanopia": [[1.256, -0.077, -0.179], [-0.078, 0.931, 0.148], [0.005, 0.691, 0.304]],
+}
+TO_XYZ = np.array([[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]])
+# What book.css makes of figures in the dark theme: invert(0.9), and hues turned by half a circle.
+HALF_TURN = 2 * np.array([0.213, 0.715, 0.072]) - np.eye(3)
+
+
+def linear(colour):
+    rgb = np.array(to_rgb(colour))
+    return np.where(rgb <= 0.04045, rgb / 12.92, ((rgb + 0.055) / 1.055) ** 2.4)
+
+
+def contrast(a, b):
+    """How much lighter one of two colours is than the other, after WCAG."""
+    darker, lighter = sorted(0.05 + TO_XYZ[1] @ linear(x) for x in (a, b))
+    return lighter / darker
+
+
+def in_the_dark(colour):
+    return tuple(np.clip(HALF_TURN @ (0.9 - 0.8 * np.array(to_rgb(colour))), 0, 1))
+
+
+def seen(colour, vision):
+    """CIELAB coordinates of a colour as an eye of that vision sees it."""
+    xyz = TO_XYZ @ np.clip(np.array(VISION[vision]) @ linear(colour), 0, 1) / TO_XYZ.sum(1)
+    f = np.where(xyz > 216 / 24389, np.cbrt(xyz), (24389 / 27 * xyz + 16) / 116)
+    return np.array([116 * f[1] - 16, 500 * (f[0] - f[1]), 200 * (f[1] - f[2])])
+
+
+@pytest.mark.parametrize("vision", VISION)
+def test_any_two_algorithms_are_told_apart_by_every_eye_on_light_and_dark_pages(vision):
+    for a, b in itertools.combinations(COLOURS.values(), 2):  # of CIELAB's units 2.3 are just seen
+        assert np.linalg.norm(seen(a, vision) - seen(b, vision)) > 12, (a, b)
+        dark = [seen(in_the_dark(x), vision) for x in (a, b)]
+        assert np.linalg.norm(dark[0] - dark[1]) > 5, (a, b)
 
 
 def runs(seed):
@@ -24,6 +65,13 @@ def runs(seed):
     rng, dims = np.random.default_rng(seed), ("run", "iteration")
     kinds = {kind: (dims, rng.random((5, 10)) / 2) for kind in ("learning", "greedy")}
     return Dataset(kinds | {"optimum": ("run", [0.75] * 5)}, {"iteration": 100 * np.arange(1, 11)})
+
+
+def test_every_algorithm_has_its_own_line_and_is_seen_on_light_and_dark_pages():
+    assert len({STYLES.get(algorithm, "-") for algorithm in COLOURS}) == len(COLOURS)
+    for label, colour in COLOURS.items():
+        assert contrast(colour, "white") > 3, label
+        assert contrast(in_the_dark(colour), in_the_dark("white")) > 3.9, label
 
 
 def shades(ax):
@@ -66,6 +114,15 @@ def published(seed):
     return PublishedCurve(100 * np.arange(7) + 50, mean, mean - 0.1, mean + 0.2)
 
 
+def test_where_half_of_the_runs_have_arrived_is_marked():
+    shown, theirs = {"NT": runs(0)}, {kind: {"NT": published(0)} for kind in plots.KINDS.values()}
+    for late, marked in ((0, None), (3, 3), (10, None)):  # of five runs, two are always rewarded
+        shown["NT"].learning[2:, :late] = 0.0
+        lines = plots.over_published(shown, theirs, (0, 1)).axes[0].get_lines()
+        places = [float(x.get_xdata()[0]) for x in lines if x.get_marker() == "^"]
+        assert places == ([] if marked is None else [100 * (marked + 1)])
+
+
 def test_runs_are_drawn_over_the_published_curves():
     shown = {"NT": runs(0), "GVT": runs(1), "fine-tuned": runs(2)}
     curves = {
@@ -86,6 +143,24 @@ def test_runs_are_drawn_over_the_published_curves():
         assert spans(shades(ax)[0], theirs.iterations, theirs.low, theirs.high)
         solved = f"{2 if label == 'GVT' else 0} of 5 solved" if kind == "learning" else ""
         assert ax.get_title(loc="right") == solved
+
+
+def test_intervals_stand_below_each_other_and_beside_the_first_with_every_run():
+    rng = np.random.default_rng(0)
+    groups = {
+        "GVT": {"as it is": rng.random(5), "without": rng.random(4)},
+        "1-MGVT": {"as it is": rng.random(3)},
+    }
+    figure = plots.intervals_figure(groups, "share", COLOURS)
+    for ax, (label, group) in zip(figure.axes, groups.items(), strict=True):
+        assert ax.get_title(loc="left") == label
+        assert [x.get_text() for x in ax.get_yticklabels()] == list(group)
+        *parts, mark = ax.get_lines()
+        bands = [mean_interval(x) for x in group.values()]
+        assert [x.get_xdata().tolist() for x in parts[::3]] == [x.tolist() for x in group.values()]
+        spans = [x.get_xdata().tolist() for x in parts[1::3]]
+        assert spans == [[band.low, band.high] for band in bands]
+        assert set(mark.get_xdata()) == {group["as it is"].mean()}
 
 
 def test_an_image_carries_its_picture_and_its_description_whatever_it_says():
