@@ -5,6 +5,7 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import gymnasium
+import numpy as np
 import torch
 
 import vtlib
@@ -28,23 +29,22 @@ def test_the_example_transfers(capsys, monkeypatch):
     (code,) = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
     names = {}
     exec(compile(code, str(README), "exec"), names)
-    earned = dict(zip(names["weights"], (x.mean(1).numpy() for x in returns), strict=True))
+    earned = dict(zip(names["ways"], (x.mean(1).numpy() for x in returns), strict=True))
     printed = [f"{name} {mean_interval(x)}" for name, x in earned.items()]
-    assert capsys.readouterr().out.splitlines() == printed
-    assert len(printed) == 8
-    # "no source can balance the target's pole": 63.4 is the most that 100 steps can pay
-    alone = [x for name, x in earned.items() if name.startswith("source")]
-    assert all(mean_interval(x).high < 55 for x in alone)
-    # "Transfer earns more than the best source untouched"
+    shown = capsys.readouterr().out.splitlines()
+    assert shown == [*printed, *str(names["learned"]).splitlines()]
+    assert len(printed) == 7
+    # "All ways take as many steps"
+    assert names["learned"].steps.tolist() == [1000] * 10
+    # "earns as much as the best of them"
     ours, tuned, scratch = (earned[x] for x in ("transferred", "fine-tuned", "from scratch"))
-    assert ours.mean() > max(x.mean() for x in alone) + 3
-    # "more than twice what as many iterations learn from scratch"
-    assert mean_interval(ours).low > 2 * mean_interval(scratch).high
-    # "so does learning from scratch when it is given all the steps, eight times as many"
-    assert difference_interval(ours, earned["from scratch, as many steps"]).low <= 0
-    assert 7 < names["steps"] / 1000 < 9
-    # "fine-tuning after the same trials does as well here"
-    assert difference_interval(ours, tuned).low < 0
+    best = max((x for name, x in earned.items() if name.startswith("source")), key=np.mean)
+    assert difference_interval(ours, best).high >= -0.5
+    # "fine-tuning the first one forgets, and learning from scratch needs more steps"
+    assert difference_interval(ours, tuned).low > 0
+    assert difference_interval(ours, scratch).low > 0
+    # "within three episodes": from the fourth on only sources play
+    assert (names["learned"].state["played"][:, 3:] < 4).all()
 
 
 def test_networks_of_stable_baselines3_are_sources():
