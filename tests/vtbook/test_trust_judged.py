@@ -1,16 +1,19 @@
-"""The judgement of `vtlib.trust` is on tasks of its own, and each of its experiments can run."""
+"""The judgement of `vtlib.trust` is on tasks of its own, and says what its runs say."""
 
 import numpy as np
 import pytest
 from attrs import evolve
 
 from vtbook.experiments import EXPERIMENTS
-from vtbook.experiments.trust import JUDGED, OURS
+from vtbook.experiments.trust import JUDGED, LOSS, OURS, PLACES
+from vtbook.judgement import Contrast, contrasts
+from vtlab.store import results_folder
 from vtlab.run import run_batch
+from vtlib.stats import Interval
 
 
 def test_no_stream_was_used_before():
-    used = {e.stream or e.name for e in EXPERIMENTS.values()}
+    used = {e.stream for e in EXPERIMENTS.values() if e not in JUDGED}
     assert not used & {e.stream for e in JUDGED}
     assert len({e.stream for e in JUDGED}) == len(JUDGED)
 
@@ -22,3 +25,33 @@ def test_each_can_run(experiment):
     )
     short = evolve(experiment, iterations=200, algorithms={OURS: experiment.algorithms[OURS]})
     assert np.isfinite(run_batch(short, OURS, range(2), weights.astype(np.float32))["greedy"]).all()
+
+
+@pytest.mark.parametrize(
+    ("centre", "low", "p", "verdict"),
+    [
+        (0.2, 0.1, 0.01, "better"),
+        (-0.2, -0.3, 0.01, "worse"),
+        (0.0, -LOSS, 0.3, "as good"),
+        (0.1, -0.04, 0.3, "undecided"),
+    ],
+)
+def test_a_verdict_needs_the_test_or_the_interval(centre, low, p, verdict):
+    assert Contrast("a", "b", Interval(centre, low, 2 * centre - low), p).verdict == verdict
+
+
+def test_a_contrast_is_what_the_files_say():
+    place, (tight, loose) = PLACES[3], ("trust", "fine-tuned")
+    floor = -(1 - 0.99**200) / 0.01
+    folder, earned = results_folder() / place.experiment.name, []
+    optimum = np.load(folder / "tasks.npz")["optimum"].mean()
+    for label in (tight, loose):
+        stored = np.load(folder / f"{label}.npz")
+        mean = stored["learning"][:, stored["iterations"] >= place.first].mean(1)
+        earned.append((mean - floor) / (optimum - floor))
+    gain = earned[0] - earned[1]
+    half = 2.0452 * gain.std(ddof=1) / 30**0.5
+    (found,) = [x for x in contrasts() if (x.place, x.rival) == (place.title, loose)]
+    np.testing.assert_allclose(
+        found.gain, [gain.mean(), gain.mean() - half, gain.mean() + half], 1e-3
+    )

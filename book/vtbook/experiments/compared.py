@@ -67,7 +67,7 @@ SPACES: dict[str, dict[str, tuple[Any, ...]]] = {
     },
     "heads": {"alpha": (3e-4, 1e-3, 3e-3), "heads": (5, 10), "psi": (0.0, 0.5)},
 }
-# The closest rivals also with as many updates a step as the recommended method has.
+# The closest rivals also with four updates a step.
 FOUR = ", 4 updates"
 SPACES |= {f"{x}{FOUR}": SPACES[x] for x in ("fine-tuned", "1-MGVT", "3-MGVT", "Langevin")}
 
