@@ -7,8 +7,8 @@ from attrs import evolve
 from vtbook.experiments import EXPERIMENTS
 from vtbook.experiments.trust import JUDGED, LOSS, OURS, PLACES
 from vtbook.judgement import Contrast, contrasts
-from vtlab.store import results_folder
 from vtlab.run import run_batch
+from vtlab.store import results_folder
 from vtlib.stats import Interval
 
 
