@@ -1,4 +1,4 @@
-"""The built book: complete, linked, numbered and light."""
+"""The built book: complete, linked and numbered."""
 
 import re
 from functools import cache
@@ -43,11 +43,6 @@ def test_internal_links_resolve(book):
                 if not (target.exists() and known):
                     broken.append(f"{path.relative_to(book)} -> {tag[reference]}")
     assert not broken, "\n".join(broken)
-
-
-def test_a_page_is_light(book):
-    for path in written_pages(book):
-        assert path.stat().st_size < 4e6, path
 
 
 def test_equations_carry_the_numbers_of_the_thesis_in_its_order(book):

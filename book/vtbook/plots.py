@@ -338,29 +338,28 @@ def power_of_ten(value: float) -> str:
     return "10" + exponent.translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
 
 
-def small_png(figure: Figure, colours: int = 64) -> bytes:
-    """The figure as a PNG with a palette: a tenth of the bytes, for pages with many pictures."""
+def small_picture(figure: Figure, colours: int = 24) -> bytes:
+    """The figure as a WebP of few colours: half the bytes of a PNG, for pages of many pictures."""
     out = io.BytesIO()
     # thirty times as fast as the median cut, and as near to the colours: there are few of them
-    drawn(figure).quantize(colours, Image.Quantize.FASTOCTREE).save(
-        out, format="png", optimize=True
-    )
+    few = drawn(figure).quantize(colours, Image.Quantize.FASTOCTREE)
+    few.convert("RGB").save(out, format="webp", lossless=True)
     return out.getvalue()
 
 
-def image_html(png: bytes, alt: str) -> str:
+def image_html(picture: bytes, alt: str) -> str:
     """An <img> element that carries its picture and its description."""
-    return f'<img alt="{escape(alt)}" style="max-width: 100%" src="{_data(png)}">'
+    return f'<img alt="{escape(alt)}" style="max-width: 100%" src="{_data(picture)}">'
 
 
-def figure_html(figure: Figure, alt: str, colours: int = 64) -> str:
+def figure_html(figure: Figure, alt: str, colours: int = 24) -> str:
     """A figure as a small picture with its description, and of panels one for telephones."""
-    image = image_html(small_png(figure, colours), alt)
+    image = image_html(small_picture(figure, colours), alt)
     if not panels_of(figure):
         return image
-    source = _data(small_png(narrow(figure), colours))
+    source = _data(small_picture(narrow(figure), colours))
     return f'<picture><source media="(max-width: 600px)" srcset="{source}">{image}</picture>'
 
 
-def _data(png: bytes) -> str:
-    return f"data:image/png;base64,{b64encode(png).decode()}"
+def _data(picture: bytes) -> str:
+    return f"data:image/webp;base64,{b64encode(picture).decode()}"

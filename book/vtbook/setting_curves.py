@@ -51,7 +51,7 @@ class Frame:
         lengths = [1.8 * x for x in dash[1]] if isinstance(dash, tuple) and dash else []
         dashes = f' stroke-dasharray="{" ".join(f"{x:.2f}" for x in lengths)}"' if lengths else ""
         ends = self._points(np.full(len(values), self._dots), values[:, -1])
-        dots = "".join(f'<circle cx="{x:.1f}" cy="{y:.1f}" r="1.25"/>' for x, y in ends)
+        dots = "".join(f"M{x:.1f},{y:.1f}h0" for x, y in ends)  # lines without length, round caps
         x, y = self._corner
         return (
             f'<svg class="curves" role="img" aria-label="{escape(alt)}" width="{self._width:.0f}pt"'
@@ -60,7 +60,8 @@ class Frame:
             f' font-family="{FONT}">{escape(title)}</text>'
             f'<path d="{_path(np.concatenate([high, low[::-1]]))}z" fill="{colour}" opacity=".18"/>'
             f'<path d="{_path(self._points(at, band.centre))}" fill="none" stroke="{colour}"'
-            f' stroke-width="1.8"{dashes}/><g fill="{colour}" opacity=".5">{dots}</g></svg>'
+            f' stroke-width="1.8"{dashes}/><path d="{dots}" stroke="{colour}"'
+            f' stroke-width="2.5" stroke-linecap="round" opacity=".5"/></svg>'
         )
 
     def _points(self, x: np.ndarray, y: np.ndarray | float) -> np.ndarray:
@@ -92,8 +93,13 @@ def _short(number: re.Match[str]) -> str:
 
 
 def _path(points: np.ndarray) -> str:
-    """A path through places (T, 2), told by steps of tenths of a point."""
+    """A path through places (T, 2), told by steps of tenths of a point, in few letters."""
     tenths = np.round(10 * points).astype(int)
     steps = np.diff(tenths, axis=0) / 10
     first = tenths[0] / 10
-    return f"M{first[0]:g},{first[1]:g}l" + " ".join(f"{x:g},{y:g}" for x, y in steps)
+    return f"M{first[0]:g},{first[1]:g}l" + _brief(" ".join(f"{x:g},{y:g}" for x, y in steps))
+
+
+def _brief(steps: str) -> str:
+    """Steps without the zeros and separators that a path can do without."""
+    return re.sub(r"[ ,]-", "-", re.sub(r"(?<!\d)0\.", ".", steps))

@@ -8,11 +8,12 @@ from typing import Any
 import ipywidgets as ui
 import numpy as np
 from attrs import evolve, frozen
+from ipywidgets.widgets.widget_string import HTMLStyle
 from xarray import Dataset
 
 from vtbook import plots
 from vtbook.experiments.grids import POSTERIORS, PSIS, slider_settings, slider_thesis
-from vtbook.plots import Curve, image_html, learning_figure, look, power_of_ten, small_png
+from vtbook.plots import Curve, image_html, learning_figure, look, power_of_ten, small_picture
 from vtbook.rerun import NEW, first_runs
 from vtlab.experiment import Experiment
 from vtlib.transfer import Settings
@@ -24,6 +25,12 @@ LAMBDAS = (0.0, *(float(f"1e{power}") for power in range(-8, 0)))  # of the live
 def full() -> ui.Layout:
     """One layout for all widgets, made when there is a kernel that can tell pages of it."""
     return ui.Layout(width="100%")
+
+
+@functools.cache
+def plain() -> HTMLStyle:
+    """One style for all pictures: of hundreds, each its own would make a tenth of a page."""
+    return HTMLStyle()
 
 
 @frozen
@@ -66,7 +73,7 @@ def still_sliders(
 
     def fill(depth: int, values: tuple[Any, ...]) -> ui.Widget:
         if depth == len(axes):
-            return ui.HTML(picture(*values), layout=full())
+            return ui.HTML(picture(*values), layout=full(), style=plain())
         axis = axes[depth]
         children = [fill(depth + 1, (*values, value)) for _, value in axis.options]
         stack = ui.Stack(children, selected_index=axis.start, layout=full())
@@ -183,7 +190,7 @@ class LivePanel:
         }
         with look():
             limits = self._experiment.family.limits
-            picture = small_png(learning_figure(panels, self._optimum, limits))
+            picture = small_picture(learning_figure(panels, self._optimum, limits))
         labels = ", ".join(curve.label for curve in next(iter(panels.values())))
         self._picture.value = image_html(picture, f"Learning and greedy return of {labels}.")
 

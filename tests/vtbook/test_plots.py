@@ -100,12 +100,12 @@ def test_a_figure_draws_each_kind_of_return_with_its_band_and_the_optimum_dashed
         assert ax.get_ylim() == (-0.02, 0.9)
     (legend,) = figure.legends
     assert {x.get_text() for x in legend.get_texts()} > {"NT", "GVT"}
-    plots.small_png(figure)
+    plots.small_picture(figure)
     legend.get_texts()[0].set_text("a name as long as the figure is wide " * 3)
     with pytest.raises(ValueError, match="cut off"):
-        plots.small_png(figure)
+        plots.small_picture(figure)
     monkeypatch.delenv(plots.CHECKED)  # as where a reader draws
-    plots.small_png(figure)
+    plots.small_picture(figure)
 
 
 def published(seed):
@@ -164,11 +164,11 @@ def test_intervals_stand_below_each_other_and_beside_the_first_with_every_run():
 
 
 def test_an_image_carries_its_picture_and_its_description_whatever_it_says():
-    png, alt = b"\x89PNG\x00\xff", '"><script>x</script> &quot; a "word": x < y & y > z'
-    html = plots.image_html(png, alt)
+    picture, alt = b"RIFF\x00\xff", '"><script>x</script> &quot; a "word": x < y & y > z'
+    html = plots.image_html(picture, alt)
     told, source = re.fullmatch(r'<img alt="([^"<]*)" style="[^"]*" src="([^"]*)">', html).groups()
     assert unescape(told) == alt
-    assert source == f"data:image/png;base64,{b64encode(png).decode()}"
+    assert source == f"data:image/webp;base64,{b64encode(picture).decode()}"
 
 
 def test_a_figure_of_panels_has_a_picture_for_telephones_beside_its_own():
