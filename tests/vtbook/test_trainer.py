@@ -325,6 +325,12 @@ def test_ten_seeds_are_drawn_with_their_mean_and_band(opened):
     assert not panel.locator(".chart .band.transfer").get_attribute("points")
 
 
+def link_of(page):
+    """The fragment of the page's address, once the panel has settled."""
+    page.wait_for_timeout(500)
+    return page.url.partition("#")[2]
+
+
 def test_the_stories_of_the_first_page_are_as_their_lines_say(opened):
     panel = opened("index")
     for name in ("two sources", "sources that mislead"):
@@ -376,6 +382,36 @@ def test_another_task_is_drawn_and_the_optimum_is_that_of_the_task(opened):
         assert 0.001 <= speed <= 0.0015
         speeds.add(speed)
     assert len(speeds) > 1
+
+
+def test_a_setting_is_linked_from_disk_beside_those_of_sliders(opened, page):
+    panel = opened("rooms_evaluation")
+    shows(panel, ".says", "^Ready")
+    assert not link_of(page)
+    panel.get_by_label("lambda, weight of the KL term, as").press("Home")
+    panel.get_by_label("seed").fill("77")
+    panel.locator(".door").first.press("End")
+    link = link_of(page)
+    assert link == "panel=MGVT_-8.1_0.5_1_10_77_0_9.5_8"
+    page.goto("about:blank")
+    panel = opened(f"rooms_evaluation.html#psi=2&{link}")
+    shows(panel, ".says", "^Ready")
+    assert panel.get_by_label("lambda, weight of the KL term, as").input_value() == "-8.1"
+    assert panel.get_by_label("seed").input_value() == "77"
+    assert panel.locator(".door").first.get_attribute("aria-valuenow") == "9.5"
+    panel.get_by_label("psi, share of the full gradient").last.press("ArrowRight")
+    assert link_of(page).startswith("psi=2&panel=MGVT_-8.1_0.51")
+
+
+def test_a_link_that_makes_no_sense_gives_a_setting_that_can_be_trained(opened, page):
+    panel = opened("index.html#panel=%3Cb%3E_9e9_x_99_-3_1e99_7_x_1e9")
+    shows(panel, ".says", "^Ready")
+    held = [panel.locator(f"[name={x}]").input_value() for x in ("power", "components", "sources")]
+    assert held == ["-1", "3", "1"]
+    doors = panel.locator(".door").evaluate_all("x => x.map(y => y.ariaValueNow)")
+    assert doors == ["5", "9.5"]
+    panel.get_by_role("button", name="Step").click()
+    shows(panel, ".iteration", "^1$")
 
 
 def test_a_setting_is_copied_as_a_cell_that_trains_it(opened):
