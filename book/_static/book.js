@@ -88,19 +88,21 @@ document.addEventListener("DOMContentLoaded", () => {
 })();
 
 /* Slider handles get a spoken name (the tooltip, else the label) and a spoken value (the readout).
-   Where they stand can be linked: #lambda=2&psi=1, by the first words of those names. */
+   Where they stand can be linked: #lambda=2&psi=1, by the first words of those names. So can the setting
+   of a panel that trains: #panel=MGVT_-6_0.5_1_10_1_0_2_8. */
 (function () {
   const linked = new URLSearchParams(location.hash.includes("=") ? location.hash.slice(1) : "");
   addEventListener("hashchange", () => location.hash.includes("=") && location.reload());
   const known = new WeakSet();
+  const keep = (name, value) => {
+    linked.set(name, value);
+    history.replaceState(null, "", `#${linked}`);
+  };
   const link = (slider, name) => {
     const track = slider.querySelector(".noUi-target").noUiSlider;
     if (known.has(track)) return;
     known.add(track);
-    track.on("change", ([index]) => {
-      linked.set(name, index);
-      history.replaceState(null, "", `#${linked}`);
-    });
+    track.on("change", ([index]) => keep(name, index));
     if (!linked.has(name)) return;
     track.set(linked.get(name));
     slider.scrollIntoView({ block: "center" });
@@ -120,7 +122,15 @@ document.addEventListener("DOMContentLoaded", () => {
     say(handle, "aria-label", plain(tooltip || (typeset ?? label).textContent));
     say(handle, "aria-valuetext", plain(readout.textContent));
   };
+  const linkPanel = (root) => {
+    const { panel } = root, before = panel.state;
+    root.addEventListener("settled", () => (linked.has("panel") || panel.state !== before) && keep("panel", panel.state));
+    if (!linked.has("panel")) return;
+    panel.state = linked.get("panel");
+    root.scrollIntoView();
+  };
   document.addEventListener("DOMContentLoaded", () => {
+    [...document.querySelectorAll(".trainer")].filter((one) => one.panel).forEach(linkPanel);
     const all = () => document.querySelectorAll(".widget-slider").forEach(describe);
     new MutationObserver(all).observe(document.body, {
       attributeFilter: ["aria-valuetext", "title"],

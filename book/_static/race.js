@@ -93,8 +93,7 @@
       this.playing = false;
       this.button.addEventListener("click", () => (this.playing ? this.pause() : this.play()));
       this.range.addEventListener("input", () => this.pause());
-      root.addEventListener("pointerdown", () => this.seen?.disconnect());
-      root.addEventListener("keydown", () => this.seen?.disconnect());
+      for (const touch of ["pointerdown", "keydown"]) root.addEventListener(touch, () => this.seen?.disconnect());
       new MutationObserver(() => this.show()).observe(document.documentElement, {
         attributeFilter: ["data-theme"], // walls take the colour of the page's ink
       });

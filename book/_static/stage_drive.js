@@ -1,29 +1,21 @@
 /* A stage that is driven: the run in training moves on it, and so does whoever the reader puts at the wheel. */
 "use strict";
 
-const WHEEL = { learned: "what was learned so far", draw: "a draw from the posterior", mean: "the sources’ mean", you: "you" };
 const DRIVER = 7, STATE = 8; // places in the kernel
-
-/* Numbers of a task as the controls offer them, and what all tasks share. */
-const taskOf = (given) =>
-  [...Object.keys(STAGE.ranges).map((name, i) => clamp(name, given[i])), ...STAGE.shared];
 
 /* An action by the keys that are held; without any, what the stage has for an idle hand. */
 const byHand = (held, time) => held ?? STAGE.idle(time);
 
 class Driven {
-  constructor(root, { task, fields, wasm }, { onTask, ask, calm }) {
-    Object.assign(this, { root, onTask, calm, numbers: task, held: undefined, until: 0 });
-    this.task_at = 4 * (fields.integers.length + fields.numbers.length);
+  constructor(root, { fields, wasm }, { onTask, ask, calm }) {
+    const { numbers: [i, j], ends: [[left, right], [low, high]] } = STAGE.plane;
+    this.placed = (state) => [30 + (340 * (state[i] - left)) / (right - left), 170 - (160 * (state[j] - low)) / (high - low)];
     const [scene, plane] = [".scene", ".plane"].map((part) => root.querySelector(part));
+    Object.assign(this, { root, calm, plane, inputs: [...root.querySelectorAll(".task input")], held: undefined, until: 0 });
+    this.task_at = 4 * (fields.integers.length + fields.numbers.length);
     this.pose = STAGE.scene(scene);
-    this.plane = plane;
-    this.lay(plane.querySelector(".axes"));
-    root.querySelector(".hint").textContent = STAGE.hint;
-    Object.keys(STAGE.ranges).forEach((name, i) => this.slider(name, i));
+    this.inputs.forEach((input) => this.listenTo(input, onTask));
     this.wheel = root.querySelector("[name=driver]");
-    const sources = Array.from({ length: RANGES.sources[1] }, (_, i) => [i, `source ${i + 1}`]);
-    for (const [value, text] of [...Object.entries(WHEEL), ...sources]) this.wheel.add(new Option(text, value));
     const button = root.querySelector(".drive");
     button.addEventListener("click", () => {
       if (this.timer) return this.stop("Stopped");
@@ -36,27 +28,29 @@ class Driven {
   }
 
   get task() {
-    return taskOf(this.numbers);
+    return [...this.inputs.map((input) => Number(input.value)), ...STAGE.shared];
   }
 
-  slider(name, i) {
-    const [min, max, step] = RANGES[name], row = document.createElement("label");
-    row.className = "number";
-    row.append(document.createElement("span"), document.createElement("input"), document.createElement("output"));
-    const [text, input, output] = row.children;
-    text.textContent = STAGE.labels[name];
-    input.setAttribute("aria-label", STAGE.labels[name]);
-    output.setAttribute("aria-live", "off");
-    Object.assign(input, { type: "range", min, max, step, value: this.numbers[i] });
-    output.textContent = input.value;
+  /* How far the first number is from its least. */
+  get along() {
+    const [{ value, min, max }] = this.inputs;
+    return (value - min) / (max - min);
+  }
+
+  set(task) {
+    this.inputs.forEach((input, i) => {
+      input.value = task[i] ?? input.value;
+      input.nextElementSibling.textContent = input.value;
+    });
+  }
+
+  listenTo(input, onTask) {
     let gesture = {};
     input.addEventListener("input", () => {
-      this.numbers = this.numbers.map((x, j) => (i === j ? clamp(name, input.value) : x));
-      output.textContent = input.value;
-      this.onTask(gesture);
+      this.set(this.task);
+      onTask(gesture);
     });
     input.addEventListener("change", () => { gesture = {}; });
-    this.root.querySelector(".task").append(row);
   }
 
   /* The reader's hands: arrow keys, or the side of the scene that a finger is on. */
@@ -133,16 +127,6 @@ class Driven {
     this.pose(state, this.task, action);
     this.plane.querySelector(".now").setAttribute("points", points(now.map(this.placed)));
     this.plane.querySelector(".last").setAttribute("points", points(last.map(this.placed)));
-  }
-
-  /* The plane of two numbers of the state, with its axes. */
-  lay(axes) {
-    const { numbers: [i, j], ends: [[left, right], [low, high]], labels } = STAGE.plane;
-    this.placed = (state) => [30 + (340 * (state[i] - left)) / (right - left), 170 - (160 * (state[j] - low)) / (high - low)];
-    draw(axes, "rect", { x: 30, y: 10, width: 340, height: 160 });
-    draw(axes, "text", { x: 200, y: 190, "text-anchor": "middle" }, labels[0]);
-    draw(axes, "text", { x: -90, y: 18, "text-anchor": "middle", transform: "rotate(-90)" }, labels[1]);
-    this.plane.setAttribute("aria-label", `Path in the plane of ${labels.join(" and ")}`);
   }
 }
 

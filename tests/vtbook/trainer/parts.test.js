@@ -12,7 +12,7 @@ const wasm = Buffer.from(setup.wasm, "base64");
 
 const close = (a, b, within = 1e-6) => assert.ok(Math.abs(a - b) <= within, `${a} is not ${b}`);
 const sources = worker.decodePool(pool, setup.scales);
-const chosen = { ...panel.chosen({ family: "MGVT", task: [2, 8, 2] }), lambda: 1e-6 };
+const chosen = panel.chosen({ family: "MGVT", power: -6, psi: 0.5, components: 1, sources: 10, seed: 1, pool: 0, task: [2, 8, 2] });
 const run = (changes = {}, given = sources.slice(0, 3)) => {
   const choice = { ...chosen, ...changes };
   const module = new WebAssembly.Module(wasm);
@@ -29,19 +29,17 @@ test("every script of the book can be read", () => {
   }
 });
 
-test("numbers are held to what the controls offer", () => {
-  const wild = { power: Infinity, psi: "much", components: 7, sources: -3, seed: "", task: [5, 9.5, 2] };
-  assert.deepEqual(panel.chosen({ family: "?", ...wild, fine: "on" }), {
-    family: "MGVT", lambda: 0.1, psi: 0.5, components: 3, sources: 1, seed: 1, task: [5, 9.5, 2],
-    fine: true, none: false,
+test("the kernel gets numbers, a Gaussian one component, and every seed is one", () => {
+  const told = { family: "MGVT", power: "-1", psi: "0.25", components: "3", sources: "2", pool: "1", seed: "7", task: [5, 9.5, 2] };
+  assert.deepEqual(panel.chosen({ ...told, fine: true, none: false }), {
+    family: "MGVT", lambda: 0.1, psi: 0.25, components: 3, sources: 2, pool: 1, seed: 7, task: [5, 9.5, 2], fine: true, none: false,
   });
-  assert.equal(panel.chosen({ family: "GVT", components: 3, task: [] }).components, 1);
-  assert.equal(panel.clamp("door", 3.14159), 3.1);
-  for (const [name, [least, most, , start]] of Object.entries(panel.RANGES)) {
-    assert.equal(panel.clamp(name, -1e9), least);
-    assert.equal(panel.clamp(name, 1e9), most);
-    for (const nothing of [undefined, null, "", "x", NaN]) assert.equal(panel.clamp(name, nothing), start);
-  }
+  assert.equal(panel.chosen({ ...told, family: "GVT" }).components, 1);
+  for (const [seed, held] of [["", 0], ["x", 0], [-3, 0], [1e9, 9999], [2.4, 2]]) assert.equal(panel.chosen({ ...told, seed }).seed, held);
+});
+
+test("doors are held to where they can be", () => {
+  for (const [door, place] of [[3.14159, 3.1], [-1e9, 0.5], [1e9, 9.5], ["x", 5], [undefined, 5], ["0.2", 0.5], ["7.25", 7.3]]) assert.equal(panel.held(door), place);
 });
 
 test("keys move a door within its range, and numbers, colours and walls are as drawn", () => {
@@ -60,12 +58,12 @@ test("keys move a door within its range, and numbers, colours and walls are as d
 });
 
 test("the least place of lambda is 0, and the next 1e-8", () => {
-  const [least, , step] = panel.RANGES.power, lambda = (power) => panel.chosen({ power, task: [] }).lambda;
-  assert.equal(lambda(least), 0);
+  const least = -8.1;
+  assert.equal(panel.lambdaOf(least), 0);
   assert.equal(panel.scientific(least), "0");
-  close(lambda(least + step), 1e-8, 1e-20);
-  assert.equal(panel.scientific(panel.clamp("power", least + step)), "10⁻⁸");
-  for (const power of [-6, -3]) close(lambda(power), 10 ** power, 1e-12);
+  close(panel.lambdaOf(-8), 1e-8, 1e-20);
+  assert.equal(panel.scientific(-8), "10⁻⁸");
+  for (const power of [-6, -3]) close(panel.lambdaOf(power), 10 ** power, 1e-12);
 });
 
 test("a run with a lambda of 0 trains, and unlike one with a larger", () => {

@@ -1,0 +1,141 @@
+"""What trains and moves in a page: its algorithms as published, its files, how its task changes."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from attrs import evolve, field, frozen
+
+from vtbook.experiments.cartpole import CARTPOLE, CARTPOLE_NOTHING
+from vtbook.experiments.mountain_car import CAR, CAR_NOTHING
+from vtbook.experiments.protocols import FROM_MEAN, transfer_settings
+from vtbook.experiments.rooms import NT, NT_GREEDY, PUBLISHED_GVT, PUBLISHED_MGVT
+from vtlab.experiment import Algorithm, Experiment
+from vtlib.baselines import FineTuning, MellowTDSettings
+from vtlib.transfer import Settings
+
+
+@frozen
+class Number:
+    """A number of a task that a reader sets: what it is called, least, most, and its step."""
+
+    label: str
+    least: float
+    most: float
+    step: float
+
+
+@frozen
+class Stage:
+    """Algorithms as published, the scripts, the template, and the numbers that have sliders.
+
+    The optimum of a task lies between those of some landmarks; the script says where. Weights of
+    networks need sixteen bits: with eight the sources of mountain car drive worse.
+    """
+
+    algorithms: dict[str, Settings | MellowTDSettings]
+    scripts: tuple[str, ...]
+    template: str
+    changes: str
+    arrival: str
+    landmarks: tuple[tuple[float, ...], ...]
+    limits: tuple[float, float]
+    ticks: tuple[float, ...]
+    numbers: tuple[Number, ...]
+    shown: Mapping[str, str] = field(factory=dict)
+    weights: type[np.signedinteger[Any]] = np.int16
+    worker: str = ""
+    note: str = ""
+
+
+MELLOW = (
+    "Fine-tuning and no transfer learn here by mellow TD, as the method does; "
+    "this page’s stored runs of fine-tuning learn by DDQN."
+)
+
+
+def _with_networks(published: Experiment, nothing: Experiment, **fields: Any) -> Stage:
+    """The stage of an experiment whose sources are networks; fine-tuning hardly explores."""
+    learner = nothing.algorithms["NT"]
+    assert isinstance(learner, MellowTDSettings)
+    algorithms: dict[str, Settings | MellowTDSettings] = {
+        "MGVT": transfer_settings(published, "1-MGVT"),
+        "GVT": transfer_settings(published, "GVT"),
+        "NT": learner,
+        "fine": evolve(learner, epsilon_start=learner.epsilon_end),
+    }
+    template, changes = "stage_drive.html", "the task changes"
+    return Stage(algorithms, template=template, changes=changes, note=MELLOW, **fields)
+
+
+# As published, where the thesis' figures begin.
+STAGES = {
+    "rooms": Stage(
+        {"MGVT": PUBLISHED_MGVT, "GVT": PUBLISHED_GVT, "NT": NT, "fine": NT_GREEDY},
+        scripts=("stage_rooms.js",),
+        template="stage_rooms.html",
+        changes="a door moves",
+        arrival="goal first reached",
+        # it is lower only where the way leads back, from a lower door on the right
+        landmarks=((5.0, 5.0), (9.5, 0.5)),
+        limits=(0.0, 0.9),
+        ticks=(0.0, 0.2, 0.4, 0.6, 0.8),
+        numbers=(Number("Lower door", 0.5, 9.5, 0.1), Number("Upper door", 0.5, 9.5, 0.1)),
+        weights=np.int8,
+        worker="stage_rooms_worker.js",
+    ),
+    "cartpole": _with_networks(
+        CARTPOLE.published,
+        CARTPOLE_NOTHING,
+        scripts=("stage_drive.js", "stage_cartpole.js"),
+        arrival="first balanced to the end",
+        landmarks=((1.0, 0.2, 0.5),),  # every pole can be balanced to the end
+        limits=(0.0, 66.0),
+        ticks=(0.0, 20.0, 40.0, 60.0),
+        numbers=(
+            Number("cart, kg", 0.5, 1.5, 0.05),
+            Number("pole, kg", 0.1, 0.3, 0.01),
+            Number("half length, m", 0.2, 1, 0.02),
+        ),
+        shown={
+            "view": "-2.9 -2.5 5.8 2.8",
+            "across": "angle",
+            "up": "angular velocity",
+            "hint": "“You” push with the arrow keys, or touch the left or right of the picture, "
+            "at half speed.",
+        },
+    ),
+    "mountain_car": _with_networks(
+        CAR.published,
+        CAR_NOTHING,
+        scripts=("stage_drive.js", "stage_mountain_car.js"),
+        arrival="top first reached",
+        landmarks=((0.001,), (0.00125,), (0.0015,)),
+        limits=(-90.0, -40.0),
+        ticks=tuple(range(-90, -39, 10)),
+        numbers=(Number("engine", 0.001, 0.0015, 0.00001),),
+        shown={
+            "view": "-1.25 -0.8 1.9 1.3",
+            "across": "position",
+            "up": "velocity",
+            "hint": "“You” drive with the arrow keys, or touch the left or right of the picture. "
+            "Roll back first.",
+        },
+    ),
+}
+
+
+def learners(experiment: Experiment) -> dict[str, Settings | MellowTDSettings]:
+    """The algorithms of an experiment's panel; that without transfer is its own, if it has one."""
+    stage = STAGES[experiment.family.kernel]
+    nothing = experiment.algorithms.get("NT", stage.algorithms["NT"])
+    assert isinstance(nothing, MellowTDSettings)
+    return {**stage.algorithms, "NT": nothing}
+
+
+def beside(experiment: Experiment) -> dict[str, Algorithm]:
+    """What trains beside the method, for the engines: fine-tuning of the mean, and NT."""
+    known = learners(experiment)
+    fine = known["fine"]
+    assert isinstance(fine, MellowTDSettings)
+    return {FROM_MEAN: FineTuning(fine, "mean"), "NT": known["NT"]}

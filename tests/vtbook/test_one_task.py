@@ -1,0 +1,68 @@
+"""A panel's setting for the engines: one task, with the reader's numbers, as the page trains it."""
+
+import json
+
+import numpy as np
+import pytest
+
+from vtbook import trainer
+from vtbook.experiments.rooms import ROOMS_EVALUATION
+from vtbook.one_task import always, one_task, optimum
+from vtlab.envs.cartpole import CartpoleFamily
+from vtlab.envs.mountain_car import MountainCarFamily
+from vtlab.envs.rooms import RoomsFamily
+from vtlab.permutation import same_distribution_p
+from vtlab.run import by_kernels, chosen_sources, run_batch, targets
+from vtlab.store import weights
+
+TOLD = {"sources": 2, "iterations": 500, "seed": 3, "psi": 0.5, "components": 1}
+TASKS = {
+    "rooms-evaluation": (7.0, 2.5),
+    "cartpole": (1.2, 0.15, 0.7),
+    "mountain-car": (0.00131,),
+}
+
+
+@pytest.mark.parametrize(("name", "task"), TASKS.items())
+def test_every_run_learns_the_reader_s_task_by_the_kernels(name, task):
+    here = one_task(name, task, "GVT", lambda_=0.0, **TOLD)
+    drawn = targets(here, range(3))
+    numbers = [here.family.kernel_parameters(drawn, row)[: len(task)] for row in range(3)]
+    np.testing.assert_allclose(numbers, [task] * 3, rtol=1e-6)
+    assert list(here.algorithms) == ["GVT", "fine-tuned mean", "NT"]
+    assert all(by_kernels(here, label) for label in here.algorithms)
+    assert (here.algorithms["GVT"].lambda_, here.sources) == (0.0, 2)
+
+
+def test_runs_of_a_setting_are_distributed_as_the_page_s(node):
+    task, runs = TASKS["rooms-evaluation"], range(20)
+    here = one_task("rooms-evaluation", task, "MGVT", lambda_=1e-6, **TOLD)
+    made = run_batch(here, "1-MGVT", runs, weights(here.pool))["learning"][:, -1]
+    sources = chosen_sources(here, runs).tolist()
+    told = {"family": "MGVT", "components": 1, "task": [*task, 2]}
+    each = [{**told, "indices": sources[run], "seed": run} for run in runs]
+    html = trainer.train_here(ROOMS_EVALUATION.published, (2.0, 8.0))
+    page = [run[0] for run in json.loads(node(html, "runs.js", json.dumps([each, 500])))]
+    assert same_distribution_p(made, np.array(page), np.random.default_rng(0)) > 1e-3
+
+
+def test_another_seed_draws_other_sources():
+    first, again, other = (
+        chosen_sources(one_task("cartpole", TASKS["cartpole"], "MGVT", **{**TOLD, "seed": s}), [0])
+        for s in (1, 1, 2)
+    )
+    np.testing.assert_array_equal(first, again)
+    assert (first != other).any()
+
+
+@pytest.mark.parametrize("family", [RoomsFamily(rooms=2), CartpoleFamily(), MountainCarFamily()])
+def test_a_family_of_one_task_is_else_as_before(family):
+    one = always(family, {"rooms": (2,), "cartpole": (1, 0.2, 0.5)}.get(family.kernel, (0.001,)))
+    assert isinstance(one, type(family))
+    assert one.kernel == family.kernel
+    assert one.q().d == family.q().d
+
+
+def test_a_stronger_engine_is_worth_more():
+    family = MountainCarFamily()
+    assert optimum(family, (0.0015,)) > optimum(family, (0.001,)) + 5
