@@ -279,14 +279,16 @@ def _learn(
     if isinstance(posterior, VariationalTransfer):
         factors = posterior.scale_tril if posterior.deviations is None else posterior.deviations
         factors = factors.detach().cpu().clone()
+    weights, improved = agent.mu.detach().cpu().clone(), torch.ones(runs, dtype=torch.bool)
+    if isinstance(agent, Trusting):
+        weights, improved = agent.learned.mu.cpu().clone(), agent.improved
+        weights = torch.where(improved.view(-1, 1, 1), weights, agent.best_source)
     return Learned(
-        weights=agent.mu.detach().cpu().clone(),
+        weights=weights,
         iterations=torch.tensor(times, dtype=torch.int64),
         returns=torch.stack(returns, 1) if returns else torch.empty(runs, 0),
         steps=torch.full((runs,), done),
-        improved=~agent.source_leads
-        if isinstance(agent, Trusting)
-        else torch.ones(runs, dtype=torch.bool),
+        improved=improved,
         mu=None if factors is None else posterior.mu.detach().cpu().clone(),
         scale_tril=factors,
         state=agent.state() if isinstance(agent, Trusting) else None,

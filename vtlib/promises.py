@@ -113,6 +113,16 @@ class Record:
         return self._lead(best) > AHEAD * self._error(best)
 
     @property
+    def improved(self) -> bool:
+        """Whether what was learned is clearly better than the best source, as far as returns tell.
+
+        It has to lead sources that keep their promise by a deviation, others by a standard error.
+        """
+        best = self.returns(self.best())
+        margin = AHEAD * (1.0 if self.kept()[0] else self._error(best))
+        return self._lead(best) < -margin or not best
+
+    @property
     def tried(self) -> list[int]:
         """The sources that have played an episode to its end."""
         ended = self.played[: len(self.gained)]

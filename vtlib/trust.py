@@ -26,6 +26,8 @@ from vtlib.units import FIRST, InUnits
 STEP = 4e-3  # Adam's, in units of the sources
 NARROW = 0.003  # standard deviation of the prior's components, in these units
 WORTH = 0.5  # how many transitions the prior counts for
+QUARTILES = torch.tensor([0.25, 0.5, 0.75])
+NORMAL = 1.349  # deviations between the quartiles of a normal law
 PARTS = "played", "trust", "gained", "short"  # of a record
 CLIP = 1.0  # bound on a gradient's entries, which only a run that explodes reaches
 
@@ -105,6 +107,11 @@ class Trusting:
         """Whether the best source plays at present (R,), or what was learned."""
         return torch.tensor([record.source_leads for record in self.records])
 
+    @property
+    def improved(self) -> Tensor:
+        """Whether what was learned is clearly better than the best source (R,)."""
+        return torch.tensor([record.improved for record in self.records])
+
     def act(self, obs: Tensor, fresh: Tensor) -> Tensor:
         """Greedy actions (R,) of a source or of a draw; fresh (R,) marks first steps."""
         values = self._q.q(self._sources, self._q.prepare(obs.unsqueeze(1)))[..., 0]
@@ -155,6 +162,8 @@ class Trusting:
         record = self.records[row]
         if self._arm[row] >= 0:
             record.add(*(float(x[row]) for x in (self._gained, self._promise, self._spread)))
-        self._promise[row], self._spread[row] = values.mean(), values.std(correction=0)
+        # by quantiles: one source that has learned nothing must not widen what counts as kept
+        low, self._promise[row], high = values.quantile(QUARTILES)
+        self._spread[row] = (high - low) / NORMAL
         self._arm[row] = record.choose(self._steps >= FIRST, coin, normal)
         self._gained[row], self._discount[row] = 0.0, 1.0
