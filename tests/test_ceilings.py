@@ -37,11 +37,6 @@ APPENDIX = (
     *("scorecard", "errata", "reproducing", "glossary"),
 )
 APPENDIX_WORDS = 4500
-# Pages that still have such sentences, one and three of them.
-CROWDED = {
-    name: pytest.mark.xfail(reason="sentences of many numbers, to be rewritten", strict=True)
-    for name in ("guide", "recommended")
-}
 BYTES = 900e3
 INTERVALS = 40
 NUMBERS = 2  # in a sentence, an interval not counted: it belongs to the number before it
@@ -114,7 +109,7 @@ def test_intervals_are_rare_in_running_text(book):
     assert len(found) <= INTERVALS, "\n".join(found)
 
 
-@pytest.mark.parametrize("name", [pytest.param(x, marks=CROWDED.get(x, ())) for x in WORDS])
+@pytest.mark.parametrize("name", WORDS)
 def test_a_sentence_has_few_numbers(book, name):
     parts = sentences(book / f"book/{name}.html")
     assert not [part for part in parts if len(numbers(part)) > NUMBERS]

@@ -95,6 +95,7 @@ def test_where_what_is_learned_earns_nothing_all_sources_are_tried_again():
     assert sources.count(3) > len(sources) / 3
     assert record.best() == 3
     assert record.source_leads
+    assert not record.improved
 
 
 def test_what_is_learned_plays_where_it_leads():
@@ -102,6 +103,7 @@ def test_what_is_learned_plays_where_it_leads():
         lambda arm, rng: PROMISE + 0.1 * rng.normal() + (5 if arm == 4 else 0), episodes=60
     )
     assert set(record.played[LOOKS - 1 :]) == {4}
+    assert record.improved
 
 
 @settings(max_examples=30, deadline=None)

@@ -18,10 +18,11 @@ def sources(unit=1.0):
     return torch.randn(RUNS, SOURCES, Q.d, generator=torch.Generator().manual_seed(7)) * unit
 
 
-def run(steps, unit=1.0, rows=(0, 1), reward=1.0, **settings):
+def run(steps, unit=1.0, rows=(0, 1), reward=1.0, weights=None, **settings):
     """An agent after so many transitions in episodes of eight, and its actions on the way."""
     g, rows = torch.Generator().manual_seed(0), list(rows)
-    agent = Trust(**settings).agent(Q, sources(unit)[rows], FEATURES, Rng("trust", rows))
+    weights = sources(unit)[rows] if weights is None else weights
+    agent = Trust(**settings).agent(Q, weights, FEATURES, Rng("trust", rows))
     actions = []
     for t in range(steps):
         obs, after = torch.randn(2, RUNS, FEATURES, generator=g)[:, rows]
@@ -52,6 +53,12 @@ def test_what_was_learned_acts_where_promises_are_broken():
     assert played.count(SOURCES) > 10
     torch.testing.assert_close(agent.mu, agent.learned.mu)
     assert len(agent.records[0].trust) == len(played)
+
+
+def test_a_source_that_has_learned_nothing_hides_no_broken_promise():
+    alike = sources()[:, :1] * torch.tensor([1.0, 1.01, 0.99, 0.0]).view(1, 4, 1)
+    agent, _ = run(FIRST + 10 * LENGTH, reward=-1.0, weights=alike)
+    assert all(record.kept()[0] == [] for record in agent.records)
 
 
 def test_rewards_and_sources_in_other_units_leave_the_choice_of_who_plays_as_it_is():

@@ -116,11 +116,12 @@ class Record:
     def improved(self) -> bool:
         """Whether what was learned is clearly better than the best source, as far as returns tell.
 
-        It has to lead sources that keep their promise by a deviation, others by a standard error.
+        It has to lead sources that keep their promise by a deviation, others by a standard error,
+        and in at least ten episodes.
         """
         best = self.returns(self.best())
         margin = AHEAD * (1.0 if self.kept()[0] else self._error(best))
-        return self._lead(best) < -margin or not best
+        return len(self.returns(self.count)) >= LEAST and self._lead(best) < -margin
 
     @property
     def tried(self) -> list[int]:

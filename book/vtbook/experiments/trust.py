@@ -33,7 +33,7 @@ WIRED = evolve(
 )
 
 
-@frozen
+@frozen(eq=False)
 class Place:
     """Where the method is judged; first: the iteration from which returns count."""
 
@@ -46,11 +46,16 @@ def _judged(
     name: str,
     beside: Experiment,
     repeated: tuple[str, ...],
+    out: tuple[str, ...] = (),
     family: TaskFamily | None = None,
     pool: Pool | None = None,
 ) -> Experiment:
-    """The method and its rivals, with the settings of `beside`, on tasks of their own."""
-    labels = [x for x in RIVALS if x in beside.algorithms] + [f"{x}{FOUR}" for x in repeated]
+    """The method and its rivals, with the settings of `beside`, on tasks of their own.
+
+    out: rivals that did not stay finite when they were judged.
+    """
+    labels = [x for x in RIVALS if x in beside.algorithms and x not in out]
+    labels += [f"{x}{FOUR}" for x in repeated]
     return evolve(
         beside,
         name=f"{name}-trust",
@@ -70,6 +75,7 @@ def _judged(
 
 _ROOMS, _CHANGED, _POLES, _CARS = (place.judged() for place in ENVIRONMENTS)
 _MAZE = MAZE_TARGETS[MAIN].published
+DIVERGED = ("Langevin",)  # on cartpole and on both mountain cars, each in one run of thirty
 _BY_FOUR = ("fine-tuned", "1-MGVT", "3-MGVT")
 _LABYRINTH = evolve(
     _MAZE,
@@ -88,21 +94,20 @@ _LABYRINTH = evolve(
 PLACES = (
     Place("three rooms", _judged("rooms-evaluation", _ROOMS, _BY_FOUR)),
     Place("rooms, other doors", _judged("rooms-distribution-change", _CHANGED, _BY_FOUR)),
-    Place("cartpole", _judged("cartpole", _POLES, _BY_FOUR[:1])),
-    Place("mountain car", _judged("mountain-car", _CARS, _BY_FOUR[:2]), first=200),
+    Place("cartpole", _judged("cartpole", _POLES, _BY_FOUR[:1], DIVERGED)),
     Place(
         "cartpole, two wirings",
-        _judged("wired-cartpole", _POLES, _BY_FOUR[:1], WiredCartpoleFamily(), WIRED),
+        _judged("wired-cartpole", _POLES, _BY_FOUR[:1], (), WiredCartpoleFamily(), WIRED),
     ),
     Place(
         "cartpole, delay and noise",
-        _judged("noisy-cartpole", _POLES, _BY_FOUR[:1], NoisyCartpoleFamily()),
-    ),
-    Place(
-        "mountain car, more gravity",
-        _judged("steep-car", _CARS, _BY_FOUR[:2], SteepCarFamily()),
-        first=200,
+        _judged("noisy-cartpole", _POLES, _BY_FOUR[:1], (), NoisyCartpoleFamily()),
     ),
     Place("maze 8", _LABYRINTH),
 )
 JUDGED = tuple(place.experiment for place in PLACES)
+# Fixed at the same time, and still to be run.
+_TO_COME = (
+    _judged("mountain-car", _CARS, _BY_FOUR[:2], DIVERGED),
+    _judged("steep-car", _CARS, _BY_FOUR[:2], DIVERGED, SteepCarFamily()),
+)
