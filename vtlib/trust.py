@@ -26,7 +26,7 @@ from vtlib.units import FIRST, InUnits
 STEP = 4e-3  # Adam's, in units of the sources
 NARROW = 0.003  # standard deviation of the prior's components, in these units
 WORTH = 0.5  # how many transitions the prior counts for
-QUARTILES = torch.tensor([0.25, 0.5, 0.75])
+QUARTILES = torch.tensor([0.25, 0.5, 0.75], dtype=torch.float32)
 NORMAL = 1.349  # deviations between the quartiles of a normal law
 PARTS = "played", "trust", "gained", "short"  # of a record
 CLIP = 1.0  # bound on a gradient's entries, which only a run that explodes reaches

@@ -2,7 +2,7 @@
 
 import copy
 import textwrap
-from typing import Any, TypeVar
+from typing import Any
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -17,7 +17,6 @@ BESIDE = 24  # letters in a line of a label, and half of them below a panel with
 LETTERS = {1: 46, 2: 15, 3: 13, 4: 8, 5: 6}  # in the title of a panel, by the columns
 MANY = {True: (8,), False: (4, 8)}  # panels of curves, or maps: more have twice the columns
 Panels = dict[Axes, SubplotSpec]
-F = TypeVar("F", bound=Figure)
 
 
 def panels_of(figure: Figure) -> Panels:
@@ -27,7 +26,7 @@ def panels_of(figure: Figure) -> Panels:
     return {ax: place for ax in axes if (place := ax.get_subplotspec())}
 
 
-def narrow(figure: F) -> F:
+def narrow(figure: Figure) -> Figure:
     """A copy of a figure with panels, laid out for a telephone."""
     figure = copy.deepcopy(figure)
     panels = panels_of(figure)

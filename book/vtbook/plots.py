@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from functools import partial
 from html import escape
 from types import MappingProxyType
-from typing import Any
+from typing import Any, cast
 
 import matplotlib as mpl
 import numpy as np
@@ -96,7 +96,7 @@ class BookFigure(Figure):
             beside["vector"] = lines
         if panels_of(self):
             with look():
-                beside["narrow"] = b64encode(narrow(self)._png()).decode()
+                beside["narrow"] = b64encode(cast(BookFigure, narrow(self))._png()).decode()
         return wide, beside
 
     def svg(self, letters: str = "path") -> str:
