@@ -81,62 +81,17 @@
     }
   }
 
-  class Race {
+  class Race extends Player {
     constructor(root) {
       const setup = JSON.parse(root.querySelector("script").textContent);
       const figures = [...root.querySelectorAll("figure")];
-      this.squares = figures.map((one, i) => new Square(one, setup.runs[i], setup));
-      this.button = root.querySelector("button");
-      this.range = root.querySelector("input");
-      this.output = root.querySelector("output");
-      this.last = setup.iterations;
-      this.playing = false;
-      this.button.addEventListener("click", () => (this.playing ? this.pause() : this.play()));
-      this.range.addEventListener("input", () => this.pause());
-      for (const touch of ["pointerdown", "keydown"]) root.addEventListener(touch, () => this.seen?.disconnect());
-      new MutationObserver(() => this.show()).observe(document.documentElement, {
-        attributeFilter: ["data-theme"], // walls take the colour of the page's ink
-      });
-      this.show();
-      this.playWhenSeen(root);
-    }
-
-    /* Once, and not for those who want no motion. */
-    playWhenSeen(root) {
-      if (matchMedia("(prefers-reduced-motion: reduce)").matches) return;
-      this.seen = new IntersectionObserver((entries) => {
-        if (!entries.some((one) => one.isIntersecting)) return;
-        this.seen.disconnect();
-        this.play();
-      }, { threshold: 0.6 });
-      this.seen.observe(root);
-    }
-
-    play() {
-      this.playing = true;
-      this.button.textContent = "Pause";
-      const from = Number(this.range.value) % this.last, began = performance.now();
-      const frame = (now) => {
-        if (!this.playing) return;
-        const gone = Math.max(0, now - began) / 1000;
-        this.range.value = Math.min(this.last, Math.round(from + A_SECOND * gone));
-        this.show();
-        if (Number(this.range.value) < this.last) requestAnimationFrame(frame);
-        else this.pause();
-      };
-      requestAnimationFrame(frame);
-    }
-
-    pause() {
-      this.playing = false;
-      this.button.textContent = "Play";
-      this.show();
+      const squares = figures.map((one, i) => new Square(one, setup.runs[i], setup));
+      super(root, setup.iterations, A_SECOND, squares);
     }
 
     show() {
-      const until = Number(this.range.value);
-      this.output.textContent = `step ${until.toLocaleString("en")}`;
-      for (const square of this.squares) square.draw(until);
+      this.output.textContent = `step ${this.place.toLocaleString("en")}`;
+      for (const square of this.squares) square.draw(this.place);
     }
   }
 

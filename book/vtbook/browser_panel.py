@@ -10,14 +10,18 @@ STATIC = Path(__file__).resolve().parents[1] / "_static"
 
 
 def panel(
-    name: str, setup: Mapping[str, Any], scripts: Sequence[str] = (), **shown: str | int
+    name: str,
+    setup: Mapping[str, Any],
+    scripts: Sequence[str] = (),
+    styles: Sequence[str] = (),
+    **shown: str | int,
 ) -> str:
     """HTML of a panel in ``book/_static``: where its script starts, and what its template names.
 
-    scripts: files that stand before the panel's own.
+    scripts, styles: files that stand before the panel's own.
     """
     return Template(static(f"{name}.html")).substitute(
-        style=static(f"{name}.css"),
+        style="\n".join(map(static, (*styles, f"{name}.css"))),
         script="\n".join(map(static, (*scripts, f"{name}.js"))),
         setup=json.dumps(setup, separators=(",", ":")).replace("<", "\\u003c"),  # as HTML wants it
         **shown,

@@ -47,7 +47,7 @@ def maze_of(experiment: Experiment) -> Mazes:
 
 def six_walks(experiment: Experiment, policy: Policy) -> list[np.ndarray]:
     """States (T, 3) of six walks; starts and noise are the same for every policy."""
-    rng = generator(experiment.name, 0, "walks")
+    rng = generator(experiment.stream, 0, "walks")
     copies = maze_of(experiment).select([0] * STARTS)
     start = copies.start(torch.from_numpy(rng.random((STARTS, Mazes.start_dim))))
     noise = rng.standard_normal((Mazes.horizon, STARTS, Mazes.noise_dim))

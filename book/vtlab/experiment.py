@@ -131,8 +131,6 @@ class Experiment:
             check_whole(f"counts[{label!r}]", count, 1, self.sources)
         if bool(self.probes) != (self.probe is not None):
             raise ValueError(f"probes must be 0 without a probe, else more, got {self.probes}")
-        if self.probes and not all(x.transfers for x in self.algorithms.values()):
-            raise ValueError(f"probes must be 0 unless all algorithms transfer, got {self.probes}")
 
     @property
     def eligible(self) -> list[int]:

@@ -3,6 +3,8 @@
 from attrs import evolve
 
 from vtbook.experiments.protocols import AsPublished, Protocols, as_published, fine_tuning
+from vtbook.maze_run import STARTS
+from vtbook.maze_walks import WalksProbe
 from vtbook.neighbours import GuidedSettings
 from vtlab.envs.maze import MazeFamily
 from vtlab.experiment import Experiment, Pool
@@ -81,3 +83,21 @@ MAZE_NOTHING = {
     )
     for number, protocols in MAZE_TARGETS.items()
 }
+
+
+def _walks(published: Experiment) -> Experiment:
+    """The first runs once more, to show where their robots go."""
+    known = {**published.algorithms, "NT": NT}
+    return evolve(
+        published,
+        name=f"{published.name}-walks",
+        algorithms={x: known[x] for x in WALKED if x in known},
+        runs=1,
+        every=ITERATIONS // 10,
+        probes=STARTS,
+        probe=WalksProbe,
+    )
+
+
+WALKED = ("NT", "DDQN", "GVT", "1-MGVT", "3-MGVT")
+MAZE_WALKS = {n: _walks(MAZE_TARGETS[n].published) for n in (MAIN, 13)}

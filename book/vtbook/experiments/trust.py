@@ -95,6 +95,7 @@ PLACES = (
     Place("three rooms", _judged("rooms-evaluation", _ROOMS, _BY_FOUR)),
     Place("rooms, other doors", _judged("rooms-distribution-change", _CHANGED, _BY_FOUR)),
     Place("cartpole", _judged("cartpole", _POLES, _BY_FOUR[:1], DIVERGED)),
+    Place("mountain car", _judged("mountain-car", _CARS, _BY_FOUR[:2], DIVERGED), first=200),
     Place(
         "cartpole, two wirings",
         _judged("wired-cartpole", _POLES, _BY_FOUR[:1], (), WiredCartpoleFamily(), WIRED),
@@ -103,11 +104,11 @@ PLACES = (
         "cartpole, delay and noise",
         _judged("noisy-cartpole", _POLES, _BY_FOUR[:1], (), NoisyCartpoleFamily()),
     ),
+    Place(
+        "mountain car, more gravity",
+        _judged("steep-car", _CARS, _BY_FOUR[:2], DIVERGED, SteepCarFamily()),
+        first=200,
+    ),
     Place("maze 8", _LABYRINTH),
 )
 JUDGED = tuple(place.experiment for place in PLACES)
-# Fixed at the same time, and still to be run.
-_TO_COME = (
-    _judged("mountain-car", _CARS, _BY_FOUR[:2], DIVERGED),
-    _judged("steep-car", _CARS, _BY_FOUR[:2], DIVERGED, SteepCarFamily()),
-)

@@ -1,0 +1,140 @@
+"""Six robots in a maze while agents learn there: a probe that records them, a panel that plays."""
+
+import zlib
+from base64 import b64encode
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from vtbook.browser_panel import panel
+from vtbook.credible_intervals import posterior_samples
+from vtbook.maze_run import STARTS, maze_of, six_walks
+from vtbook.plots import COLOURS
+from vtlab.envs.maze import Mazes
+from vtlab.experiment import Experiment
+from vtlab.run import chosen_sources
+from vtlib.episodes import Tasks
+from vtlib.rng import Rng
+from vtlib.training import Agent
+from vtlib.transfer import VariationalTransfer
+
+PER_METRE = 25  # places are told in so many steps of each metre, headings in 256 of a turn
+STATES = Mazes.horizon + 1
+
+
+class WalksProbe:
+    """At each look six walks of the greedy policy, and six of draws from a posterior.
+
+    The ``arrays`` are "walks" (R, T, 1 or 2, 6, 101, 3) uint8: x, y and heading along each walk,
+    whose last state is repeated. Robots share a mixture's components evenly.
+    """
+
+    def __init__(
+        self, experiment: Experiment, label: str, runs: Sequence[int], tasks: Tasks
+    ) -> None:
+        self._experiment = experiment
+        self._noise = Rng(experiment.stream, runs).stream("probe samples")
+        self._noted: list[np.ndarray] = []
+
+    def look(self, agent: Agent) -> None:
+        """Note where the agent's robots go now."""
+        mu = agent.mu.detach()
+        runs, components, d = mu.shape
+        robots = torch.arange(STARTS)
+        drivers = [mu[:, robots % components]]
+        if isinstance(agent, VariationalTransfer):
+            noise = self._noise.normal(components * STARTS * d)
+            noise = noise.view(runs, components, STARTS, d)
+            drawn = posterior_samples(mu, agent.scale_tril, noise)
+            drivers.append(drawn[:, robots % components * STARTS + robots])
+        modes = torch.stack(drivers, 1)
+        self._noted.append(
+            np.stack([[driven(self._experiment, w) for w in each] for each in modes])
+        )
+
+    @property
+    def arrays(self) -> dict[str, np.ndarray]:
+        """The walks at all looks."""
+        return {"walks": np.stack(self._noted, 1)}
+
+
+def driven(experiment: Experiment, weights: Tensor) -> np.ndarray:
+    """Six walks (6, 101, 3) uint8 in the first run's maze, greedy in weights (6, d), one each.
+
+    Starts and noise are those of all walks in that maze.
+    """
+    q, maze = experiment.family.q(), maze_of(experiment).select([0] * STARTS)
+
+    def policy(states: Tensor) -> Tensor:
+        values = q.q(weights.unsqueeze(0), q.prepare(maze.observe(states).unsqueeze(0)))[0]
+        return values.diagonal(dim1=0, dim2=2).argmax(0)  # of each robot its own weights' values
+
+    walks = six_walks(experiment, policy)
+    whole = np.stack([np.pad(w, ((0, STATES - len(w)), (0, 0)), "edge") for w in walks])
+    # cut, not rounded: a robot is shown in the cell that it is in
+    whole[..., 2] *= 256 / (2 * np.pi) / PER_METRE
+    return (whole * PER_METRE).astype(int).astype(np.uint8)
+
+
+def by_sources(experiment: Experiment, weights: np.ndarray) -> np.ndarray:
+    """Six walks, as ``driven``, of the first run's sources in turn; weights (S, d) of a pool."""
+    chosen = weights[chosen_sources(experiment, [0])[0]]
+    return driven(experiment, torch.from_numpy(chosen[np.arange(STARTS) % len(chosen)]))
+
+
+def walks_panel(
+    experiments: Mapping[str, Experiment],
+    walks: Mapping[str, Mapping[str, np.ndarray]],
+    shown: Mapping[str, str],
+) -> str:
+    """HTML of the robots of some algorithms in some mazes, to play, pause and scrub.
+
+    experiments, walks: by a maze's title, the latter by label, of the first run (T, 1 or 2, 6, 101,
+    3). shown: what the page calls each algorithm, by its label. Where a reader wants no motion the
+    picture stands still at its end.
+    """
+    first = next(iter(experiments.values()))
+    last = first.iterations // first.every * STATES - 1
+    setup = {
+        "robots": STARTS,
+        "states": STATES,
+        "perMetre": PER_METRE,
+        "every": first.every,
+        "last": last,
+        "mazes": [_maze(e, walks[title], shown) for title, e in experiments.items()],
+    }
+    squares = "".join(
+        f'<figure><figcaption>{name}</figcaption><canvas width="300" height="300" '
+        f'aria-hidden="true"></canvas><p class="count"></p></figure>'
+        for name in shown.values()
+    )
+    titles = "".join(f'<option value="{i}">{title}</option>' for i, title in enumerate(experiments))
+    return panel(
+        "walks", setup, ("player.js",), ("player.css",), squares=squares, titles=titles, last=last
+    )
+
+
+def _maze(
+    experiment: Experiment, walks: Mapping[str, np.ndarray], shown: Mapping[str, str]
+) -> dict[str, Any]:
+    maze = maze_of(experiment)
+    return {
+        "walls": np.argwhere(maze.walls[0].numpy()).tolist(),
+        "goal": maze.goal[0].tolist(),
+        "runs": [_run(label, walks[label]) if label in walks else None for label in shown],
+    }
+
+
+def _run(label: str, walks: np.ndarray) -> dict[str, Any]:
+    # from state to state little changes, which packs well
+    changes = np.diff(walks, axis=-2, prepend=np.uint8(0))
+    packed = zlib.compress(changes.tobytes(), 9)
+    return {
+        "colour": COLOURS.get(label, "#666666"),
+        "moments": len(walks),
+        "modes": walks.shape[1],
+        "walks": b64encode(packed).decode(),
+    }
