@@ -5,7 +5,7 @@ import pytest
 from attrs import evolve
 
 from vtbook.experiments import EXPERIMENTS
-from vtbook.experiments.trust import JUDGED, LOSS, OURS, PLACES
+from vtbook.experiments.trust import JUDGED, LOSS, OURS, PARTED, PLACES
 from vtbook.judgement import Contrast, contrasts
 from vtlab.run import run_batch
 from vtlab.store import results_folder
@@ -13,7 +13,7 @@ from vtlib.stats import Interval
 
 
 def test_no_stream_was_used_before():
-    used = {e.stream for e in EXPERIMENTS.values() if e not in JUDGED}
+    used = {e.stream for e in EXPERIMENTS.values() if e not in (*JUDGED, *PARTED.values())}
     assert not used & {e.stream for e in JUDGED}
     assert len({e.stream for e in JUDGED}) == len(JUDGED)
 
