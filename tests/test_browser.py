@@ -150,6 +150,35 @@ def test_the_race_stands_still_at_its_end_for_those_who_want_no_motion(address, 
     page.wait_for_function(f"{STEP} > 0 && {STEP} < 5000")
 
 
+def test_robots_walk_through_mazes_and_follow_what_is_chosen(visit, page):
+    visit("book/mazes.html")
+    panel = page.locator(".walks.ready")
+    squares, told = panel.locator("canvas"), panel.locator(".count")
+    panel.locator("button").scroll_into_view_if_needed()
+
+    def place():
+        return int(panel.locator("input").input_value())
+
+    def drawn():
+        return squares.evaluate_all("all => all.map((one) => one.toDataURL())")
+
+    panel.locator("input").press("Home")
+    begun = drawn()
+    panel.locator("button").click()
+    page.wait_for_timeout(1000)
+    panel.locator("button").click()
+    assert 0 < place() < 1009
+    assert all(a != b for a, b in zip(begun, drawn(), strict=True))
+    panel.locator("input").press("End")
+    greedy, label = drawn(), panel.locator(".squares").get_attribute("aria-label")
+    assert all(text in label for text in told.all_inner_texts())
+    panel.locator("select.mode").select_option("1")
+    same = [a == b for a, b in zip(greedy, drawn(), strict=True)]
+    assert same == [True, True, True, False, False, False]  # only posteriors are drawn from
+    panel.locator("select.maze").select_option("1")
+    assert panel.locator("figure:visible").count() == 5
+
+
 def test_the_corridor_is_drawn_acted_and_updated_by_keys(address, page):
     page.emulate_media(reduced_motion="reduce")
     page.goto(f"{address}/book/introduction.html", wait_until="load")

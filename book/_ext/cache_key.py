@@ -24,7 +24,7 @@ def dependencies(root: Path) -> Iterator[Path]:
     yield root / "requirements.txt"
     results = Path(os.environ.get("VTLIB_RESULTS", root / "book" / "results"))
     static = root / "book" / "_static"
-    kinds = "trainer", "stage", "race", "corridor", "scorecard"
+    kinds = "trainer", "stage", "player", "race", "walks", "corridor", "scorecard"
     panels = (path for kind in kinds for path in static.glob(f"{kind}*"))
     # the guide's results are always the book's
     names = "vtlib", "book/vtlab", "book/vtbook", "book/published", "book/results/guide"

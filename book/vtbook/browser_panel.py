@@ -18,10 +18,10 @@ def panel(
 ) -> str:
     """HTML of a panel in ``book/_static``: where its script starts, and what its template names.
 
-    scripts, styles: files that stand before the panel's own.
+    scripts: files that stand before the panel's own; styles: files in place of its own.
     """
     return Template(static(f"{name}.html")).substitute(
-        style="\n".join(map(static, (*styles, f"{name}.css"))),
+        style="\n".join(map(static, styles or (f"{name}.css",))),
         script="\n".join(map(static, (*scripts, f"{name}.js"))),
         setup=json.dumps(setup, separators=(",", ":")).replace("<", "\\u003c"),  # as HTML wants it
         **shown,

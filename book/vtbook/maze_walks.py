@@ -112,9 +112,8 @@ def walks_panel(
         for name in shown.values()
     )
     titles = "".join(f'<option value="{i}">{title}</option>' for i, title in enumerate(experiments))
-    return panel(
-        "walks", setup, ("player.js",), ("player.css",), squares=squares, titles=titles, last=last
-    )
+    styles = "player.css", "walks.css"
+    return panel("walks", setup, ("player.js",), styles, squares=squares, titles=titles, last=last)
 
 
 def _maze(

@@ -49,6 +49,8 @@ def race(experiment: Experiment, shown: dict[str, str], iterations: int, run: in
     return panel(
         "race",
         setup,
+        ("player.js",),
+        ("player.css",),
         iterations=iterations,
         shown=f"{iterations:,}",
         squares="".join(
