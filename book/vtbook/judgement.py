@@ -7,7 +7,7 @@ from attrs import frozen
 
 from vtbook.comparisons import holm, paired_p
 from vtbook.experiments.compared import mean_shares
-from vtbook.experiments.trust import LOSS, OURS, PLACES, Place
+from vtbook.experiments.trust import LOSS, OURS, PARTED, PLACES, Place
 from vtlib.stats import Interval, difference_interval
 
 LEVEL = 0.05
@@ -51,3 +51,13 @@ def contrasts() -> tuple[Contrast, ...]:
         Contrast(place, rival, difference_interval(a, b), float(adjusted))
         for (place, rival, a, b), adjusted in zip(pairs, holm(np.array(p)), strict=True)
     )
+
+
+def parted(title: str) -> dict[str, Interval]:
+    """By how much the method leads itself with less of an ingredient, in a place by its title."""
+    (place,) = [x for x in PLACES if x.title == title]
+    fewer = PARTED[title]
+    return {
+        label: difference_interval(earned(place)[OURS], mean_shares(fewer, label, place.first))
+        for label in fewer.algorithms
+    }

@@ -6,7 +6,7 @@ from attrs import evolve
 
 from vtbook.experiments import EXPERIMENTS
 from vtbook.experiments.trust import JUDGED, LOSS, OURS, PARTED, PLACES
-from vtbook.judgement import Contrast, contrasts
+from vtbook.judgement import Contrast, contrasts, parted
 from vtlab.run import run_batch
 from vtlab.store import results_folder
 from vtlib.stats import Interval
@@ -40,17 +40,30 @@ def test_a_verdict_needs_the_test_or_the_interval(centre, low, p, verdict):
     assert Contrast("a", "b", Interval(centre, low, 2 * centre - low), p).verdict == verdict
 
 
-def test_a_contrast_is_what_the_files_say():
-    place, labels = PLACES[2], ("trust", "fine-tuned")
-    folder, earned = results_folder() / place.experiment.name, []
-    optimum = np.load(folder / "tasks.npz")["optimum"].mean()
-    for label in labels:
-        stored = np.load(folder / f"{label}.npz")
-        mean = stored["learning"][:, stored["iterations"] >= place.first].mean(1)
-        earned.append(mean / optimum)
-    gain = earned[0] - earned[1]
+def mean_shares_of(experiment, label, first):
+    """What each run earned, as a share of the optimum, from the files alone."""
+    folder = results_folder() / experiment.name
+    stored, tasks = np.load(folder / f"{label}.npz"), np.load(folder / "tasks.npz")
+    mean = stored["learning"][:, stored["iterations"] >= first].mean(1)
+    return mean / tasks["optimum"].mean()
+
+
+def assert_paired(found, one, other):
+    """An interval is Student's of the differences of two algorithms' runs."""
+    gain = one - other
     half = 2.0452 * gain.std(ddof=1) / 30**0.5
-    (found,) = [x for x in contrasts() if (x.place, x.rival) == (place.title, labels[1])]
-    np.testing.assert_allclose(
-        found.gain, [gain.mean(), gain.mean() - half, gain.mean() + half], 1e-3
-    )
+    np.testing.assert_allclose(found, [gain.mean(), gain.mean() - half, gain.mean() + half], 1e-3)
+
+
+def test_a_contrast_is_what_the_files_say():
+    place = PLACES[2]
+    earned = [mean_shares_of(place.experiment, x, place.first) for x in ("trust", "fine-tuned")]
+    (found,) = [x for x in contrasts() if (x.place, x.rival) == (place.title, "fine-tuned")]
+    assert_paired(found.gain, *earned)
+
+
+def test_an_ingredient_is_worth_what_the_files_say():
+    place = PLACES[0]
+    whole = mean_shares_of(place.experiment, OURS, place.first)
+    for label, found in parted(place.title).items():
+        assert_paired(found, whole, mean_shares_of(PARTED[place.title], label, place.first))
