@@ -122,6 +122,13 @@ class StabilityProbe(Probe):
         }
 
 
+class CourseProbe(Probe):
+    """The posterior's means (R, T, C, d), and the size of its covariances' factors (R, T)."""
+
+    def _note(self, agent: VariationalTransfer) -> dict[str, Tensor]:
+        return {"mean": agent.mu.detach().clone(), "size": agent.scale_tril.flatten(1).norm(dim=1)}
+
+
 def steepest(
     q: QFunction, mu: Tensor, batch: Transition, psi: float, gamma: float, kappa: float
 ) -> tuple[Tensor, Tensor]:
