@@ -1,7 +1,6 @@
 """Value maps: what a network believes over two coordinates of the state, and where that leads."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from itertools import pairwise
 
 import numpy as np
 import torch
@@ -12,12 +11,12 @@ from matplotlib.image import AxesImage
 from matplotlib.patheffects import withStroke
 from torch import Tensor
 
-from vtbook.checkpoints import pauses
 from vtbook.paths import walks
 from vtbook.plots import BookFigure, figure_html, look
 from vtlab.envs.base import Plane, TaskFamily
 from vtlab.experiment import Experiment
-from vtlab.run import prepare, prepare_natively
+from vtlab.run import prepare
+from vtlab.store import load
 from vtlib.episodes import Tasks
 from vtlib.transfer import VariationalTransfer
 
@@ -66,21 +65,18 @@ def value_map(family: TaskFamily, task: Tasks, mu: Tensor) -> ValueMap:
 def on_the_way(
     experiment: Experiment, label: str, weights: np.ndarray, at: Sequence[int]
 ) -> Iterator[tuple[Tensor, float]]:
-    """Means (1, C, d) and the size of L at some iterations of the first run, computed anew.
+    """Means (1, C, d) and the size of L at some iterations of the first run, as they are stored.
 
-    Without a posterior the mean is the network, and the size 0. at: from 0 on.
+    At 0 they are those that the run starts with, from a pool's weights.
     """
-    first = experiment, label, [0], weights
-    if native := prepare_natively(*first):
-        for before, t in pairwise((0, *at)):
-            native[0].advance(t - before)
-            mu = torch.from_numpy(native[0].mu.copy())
-            yield mu.unsqueeze(0), float(np.linalg.norm(native[0].L))
-        return
-    agent = (batch := prepare(*first)).agent
-    for _ in pauses(batch, at):
-        size = float(agent.scale_tril.norm()) if isinstance(agent, VariationalTransfer) else 0.0
-        yield agent.mu.detach().clone(), size
+    stored, agent = load(experiment, label), prepare(experiment, label, [0], weights).agent
+    assert isinstance(agent, VariationalTransfer)
+    for t in at:
+        if t == 0:
+            yield agent.mu.detach(), float(agent.scale_tril.norm())
+        else:
+            noted = stored.sel(iteration=t)
+            yield torch.from_numpy(noted["mean"].values), float(noted["size"].values[0])
 
 
 def draw_map(ax: Axes, values: ValueMap) -> AxesImage:

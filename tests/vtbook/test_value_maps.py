@@ -1,19 +1,15 @@
 """Value maps: the grid, what is mapped over it, and on the way of a run."""
 
-from itertools import pairwise
-
 import numpy as np
 import pytest
 import torch
 
-from vtbook import value_maps
-from vtbook.value_maps import (
-    NODES,
-    on_the_way,
-    plane_states,
-    value_map,
-)
+from vtbook.experiments.mountain_car import CAR_COURSE
+from vtbook.value_maps import NODES, on_the_way, plane_states, value_map
 from vtlab.envs import CartpoleFamily, MountainCarFamily
+from vtlab.run import chosen_sources
+from vtlab.store import results_folder
+from vtlab.store import weights as weights_of
 
 
 def task_of(family):
@@ -46,17 +42,13 @@ def test_a_map_holds_the_mean_values_over_its_plane_and_the_greedy_policy_s_path
         state, _, _ = task.step(state, action, torch.zeros(1, 0))
 
 
-@pytest.mark.parametrize("label", ["DDQN", "GVT"])
-def test_what_is_learned_on_the_way_is_kept_and_the_same_without_kernels(
-    tiny, weights, label, monkeypatch
-):
-    at = (0, 30, 60)
-    by_kernels = [*on_the_way(tiny, label, weights[:3], at)]
-    monkeypatch.setattr(value_maps, "prepare_natively", lambda *_: None)
-    by_torch = [*on_the_way(tiny, label, weights[:3], at)]
-    means = [mu for mu, _ in by_torch]
-    assert all((a != b).any() for a, b in pairwise(means))
-    for (mu, size), (same, other) in zip(by_kernels, by_torch, strict=True):
-        np.testing.assert_allclose(mu, same, rtol=1e-3, atol=1e-4)
-        assert size == pytest.approx(other, rel=1e-3)
-        assert (size > 0) == (label == "GVT")
+def test_what_is_learned_on_the_way_is_what_the_probe_stored():
+    pool = weights_of(CAR_COURSE.pool)
+    (start, size), (mean, later) = on_the_way(CAR_COURSE, "1-MGVT", pool, (0, 5_000))
+    chosen = pool[chosen_sources(CAR_COURSE, [0])[0]]
+    np.testing.assert_allclose(start[0, 0], chosen.mean(0), rtol=1e-3, atol=1e-4)
+    stored = np.load(results_folder() / CAR_COURSE.name / "1-MGVT.npz")
+    index = list(stored["iterations"]).index(5_000)
+    np.testing.assert_array_equal(mean, stored["mean"][:, index])
+    assert later == pytest.approx(float(stored["size"][0, index]))
+    assert 0 < size < 1
