@@ -15,7 +15,7 @@ from attrs import field, frozen
 from torch import Tensor
 
 from vtlib.checks import HUGE, TINY, between, check_kind, check_weights, one_of, positive, whole
-from vtlib.posteriors import COVARIANCES, Descent, Diagonal, Fixed
+from vtlib.posteriors import COVARIANCES, Descent, Diagonal
 from vtlib.priors import PRIOR_JITTER, GaussianPrior, MixturePrior
 from vtlib.qfunctions import QFunction, greedy
 from vtlib.replay import ReplayBuffer, Transition
@@ -161,7 +161,7 @@ class VariationalTransfer:
     def deviations(self) -> Tensor | None:
         """Standard deviations (R, C, d) of a posterior without correlations; None of others."""
         posterior = self._posterior
-        return posterior.deviations if isinstance(posterior, Diagonal | Fixed) else None
+        return posterior.deviations if isinstance(posterior, Diagonal) else None
 
     def act(self, obs: Tensor, fresh: Tensor) -> Tensor:
         """Greedy actions (R,) of one posterior sample; fresh (R,) marks first steps of episodes."""

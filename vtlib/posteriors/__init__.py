@@ -13,7 +13,7 @@ from vtlib.posteriors.native import MOST_SAMPLES
 from vtlib.priors import Precision, Start
 from vtlib.rng import Stream
 
-__all__ = ["COVARIANCES", "Descent", "Diagonal", "Fixed", "Posterior"]
+__all__ = ["COVARIANCES", "Descent", "Diagonal", "Posterior"]
 
 LARGE = 2000  # from so many weights on a covariance is diagonal unless "dense" is asked for
 CALM = 1e-4  # the largest step on a large diagonal that has destroyed no weights

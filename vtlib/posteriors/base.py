@@ -1,8 +1,8 @@
-"""What a posterior offers to the engine, and what those have in common that sample w = mu + L z."""
+"""What posteriors share: weights w = mu + L z, and steps of gradient descent on L."""
 
 import math
 from abc import ABC, abstractmethod
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 from torch import Tensor
 
@@ -25,36 +25,13 @@ class Descent(NamedTuple):
     kl_clip: float | None = None
 
 
-class Posterior(Protocol):
-    """C Gaussians for each of R runs; mu (R, C, d) are their means, which the engine moves."""
+class Posterior(ABC):
+    """C Gaussians for each of R runs, which sample w = mu + L z (eq. 5.10).
 
-    mu: Tensor
-
-    def __init__(
-        self, start: Start, precision: Precision, descent: Descent, noise: Stream, n_samples: int
-    ) -> None:
-        """Begin at a start, pulled by the prior's precision; n_samples are drawn at a time."""
-
-    def sample(self) -> Tensor:
-        """Weights (R, C, n_samples, d) drawn from each Gaussian."""
-
-    def step(self, gradients: Tensor, kl_weight: float) -> None:
-        """One step of the covariance on the TD error plus kl_weight times the divergence.
-
-        gradients: (R, C, n, d), those of the TD error at the last n of the weights sampled last,
-        each divided by their number.
-        """
-
-    @property
-    def scale_tril(self) -> Tensor:
-        """The Cholesky factors L (R, C, d, d) of the covariances, which may be a copy."""
-
-
-class FactorPosterior(ABC):
-    """A posterior that samples w = mu + L z (eq. 5.10), with M = R C lower-triangular factors L.
-
+    mu (R, C, d) are their means, which the engine moves; L are M = R C lower-triangular factors.
     The gradient of the expected squared TD error with respect to L is the mean of g z^T over
-    samples (eq. 5.11), with g the gradient at a sample.
+    samples (eq. 5.11), with g the gradient at a sample. It begins at a start, pulled by the prior's
+    precision; n_samples are drawn at a time.
     """
 
     def __init__(
@@ -71,7 +48,7 @@ class FactorPosterior(ABC):
 
     @property
     def scale_tril(self) -> Tensor:
-        """The Cholesky factors L (R, C, d, d)."""
+        """The Cholesky factors L (R, C, d, d), which may be a copy."""
         factors: Tensor = self._factors().unflatten(0, self.mu.shape[:2])
         return factors
 
@@ -85,7 +62,11 @@ class FactorPosterior(ABC):
         return samples
 
     def step(self, gradients: Tensor, kl_weight: float) -> None:
-        """One step of gradient descent on L."""
+        """One step of L on the TD error plus kl_weight times the divergence.
+
+        gradients: (R, C, n, d), those of the TD error at the last n of the weights sampled last,
+        each divided by their number.
+        """
         count = gradients.shape[2]
         self._descend(gradients.flatten(0, 1), self._z[:, -count:], kl_weight)
 

@@ -3,11 +3,11 @@
 import torch
 from torch import Tensor
 
-from vtlib.posteriors.base import FactorPosterior
+from vtlib.posteriors.base import Posterior
 from vtlib.priors import Start, covariance_factor
 
 
-class Dense(FactorPosterior):
+class Dense(Posterior):
     """Lower-triangular factors L (M, d, d) of M Gaussians under plain SGD.
 
     A step descends the expected squared TD error (eq. 5.11) plus kl_weight * KL (eq. 5.9), with the

@@ -3,11 +3,11 @@
 import torch
 from torch import Tensor
 
-from vtlib.posteriors.base import FactorPosterior
+from vtlib.posteriors.base import Posterior
 from vtlib.priors import Start, too_far_apart
 
 
-class Diagonal(FactorPosterior):
+class Diagonal(Posterior):
     """Diagonals sigma (M, d) of diagonal factors L under plain SGD, as `Dense`.
 
     Cost and memory are linear in d. Eqs. 5.9 and 5.11 restricted to the diagonal. The start is the

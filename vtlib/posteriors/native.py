@@ -7,7 +7,7 @@ import torch
 from torch import Tensor
 
 from vtlib.native import kernels
-from vtlib.posteriors.base import FactorPosterior
+from vtlib.posteriors.base import Posterior
 from vtlib.posteriors.dense import start_factors
 from vtlib.priors import Start
 
@@ -24,7 +24,7 @@ class _Descent(ctypes.Structure):
     ]
 
 
-class NativePosterior(FactorPosterior):
+class NativePosterior(Posterior):
     """Lower-triangular factors of M Gaussians under plain SGD, as `Dense`, on the processor.
 
     Of L only the lower triangle is stored.
