@@ -4,8 +4,8 @@ import pytest
 import torch
 
 from vtlab.envs import CartpoleFamily, MazeFamily, MountainCarFamily, RoomsFamily
+from vtlab.episodes import Episodes
 from vtlib.algorithm1 import algorithm1
-from vtlib.episodes import Episodes
 from vtlib.qfunctions import MLP, RBFLinear
 from vtlib.rng import Rng
 from vtlib.training import iterate

@@ -22,7 +22,7 @@ logging.basicConfig(format="%(message)s")
 {example}
 import torch, vtlab.envs.maze, vtlab.store
 from vtlib import Settings, native
-from vtlib.episodes import Episodes
+from vtlab.episodes import Episodes
 from vtlib.rng import Rng
 from vtlib.training import iterate
 family = vtlab.envs.maze.MazeFamily()

@@ -18,14 +18,14 @@ from vtlib.replay import ReplayBuffer
 from vtlib.td import td_error
 
 if TYPE_CHECKING:  # needed for types only: the tests hold the engine to this file
-    from vtlib.episodes import Episodes
+    from vtlib.episodes import GymEpisodes
     from vtlib.qfunctions import QFunction
     from vtlib.rng import Rng
     from vtlib.transfer import Settings
 
 
 def algorithm1(
-    q: QFunction, sources: Tensor, s: Settings, episodes: Episodes, rng: Rng
+    q: QFunction, sources: Tensor, s: Settings, episodes: GymEpisodes, rng: Rng
 ) -> Iterator[Gaussian]:
     """Learn the task of some episodes from sources (S, d); yields mu (C, d) and L (C, d, d).
 

@@ -1,7 +1,7 @@
-"""Episodes of many tasks in lock-step: each run starts a new one as soon as its own ends."""
+"""Episodes of many environments in lock-step: each run starts a new one when its own ends."""
 
 from collections.abc import Sequence
-from typing import Any, ClassVar, Protocol
+from typing import Any
 
 import gymnasium
 import numpy as np
@@ -11,41 +11,15 @@ from torch import Tensor
 
 from vtlib.checks import check_kind, shown
 from vtlib.replay import Transition
-from vtlib.rng import Stream
 
 # gymnasium.wrappers.FlattenObservation makes one Box of these spaces, unless they hold others
 FLATTENED = Box, Discrete, MultiDiscrete, MultiBinary, Dict, Tuple
 
 
-class Tasks(Protocol):
-    """A batch of R tasks with the dynamics as pure functions of state, action and noise."""
-
-    n_actions: ClassVar[int]
-    obs_dim: ClassVar[int]
-    noise_dim: ClassVar[int]
-    start_dim: ClassVar[int]
-    horizon: ClassVar[int]
-    gamma: ClassVar[float]
-
-    def __len__(self) -> int: ...
-
-    def start(self, u: Tensor) -> Tensor:
-        """First states from uniform numbers (R, start_dim) in [0, 1)."""
-
-    def step(self, state: Tensor, action: Tensor, noise: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        """Next state, reward (R,), terminated (R,), from normal noise (R, noise_dim)."""
-
-    def observe(self, state: Tensor) -> Tensor:
-        """Observations (R, obs_dim)."""
-
-    def select(self, index: Tensor | np.ndarray | Sequence[int]) -> "Tasks":
-        """The tasks of that index, repetitions allowed."""
-
-
 class Returns:
-    """Discounted returns of the last finished episodes of each run."""
+    """Discounted returns of the last ``window`` finished episodes of each run."""
 
-    def __init__(self, runs: int, gamma: float, window: int) -> None:
+    def __init__(self, runs: int, gamma: float, window: int = 50) -> None:
         self._gamma = gamma
         self._finished = torch.zeros(runs, window)
         self._count = torch.zeros(runs, dtype=torch.int64)
@@ -74,79 +48,16 @@ class Returns:
         return torch.where(self._count > 0, mean, before)
 
 
-class Episodes:
-    """A batch of tasks in lock-step, with the returns of each run's last ``window`` episodes.
-
-    ``obs`` (R, obs_dim) is what the agents see now, ``fresh`` (R,) marks first steps. To ``record``
-    is to keep every observation arrived at in ``visited``.
-    """
-
-    def __init__(
-        self,
-        tasks: Tasks,
-        noise: Stream,
-        starts: Stream,
-        window: int = 50,
-        record: bool = False,
-    ) -> None:
-        self._tasks, self._noise, self._starts = tasks, noise, starts
-        self._state = tasks.start(starts.uniform(tasks.start_dim))
-        self._time = torch.zeros(len(tasks), dtype=torch.int64)
-        self.returns = Returns(len(tasks), tasks.gamma, window)
-        self.obs = tasks.observe(self._state)
-        self.obs_dim, self.n_actions = tasks.obs_dim, tasks.n_actions
-        self.fresh = torch.ones(len(tasks), dtype=torch.bool)
-        self._record = record
-        self._arrived: list[Tensor] = []
-
-    def step(self, action: Tensor) -> Transition:
-        """Apply actions (R,) and return the transitions; runs whose episode ended start anew."""
-        tasks = self._tasks
-        start = self._starts.uniform(tasks.start_dim)
-        noise = self._noise.normal(tasks.noise_dim)
-        state, reward, terminated = tasks.step(self._state, action, noise)
-        next_obs = tasks.observe(state)
-        transition = Transition(self.obs, action, reward, next_obs, terminated)
-        if self._record:
-            self._arrived.append(next_obs)
-        self._time += 1
-        self.fresh = terminated | (self._time >= tasks.horizon)
-        self.returns.add(reward, self.fresh)
-        self._state, self.obs = state, next_obs
-        if self.fresh.any():
-            self._state = torch.where(self.fresh.unsqueeze(-1), tasks.start(start), state)
-            self._time.masked_fill_(self.fresh, 0)
-            self.obs = tasks.observe(self._state)
-        return transition
-
-    @property
-    def visited(self) -> Tensor:
-        """Observations arrived at so far, ends of episodes included: (R, T, obs_dim)."""
-        return torch.stack(self._arrived, 1)
-
-    def keep(self, rows: Sequence[int]) -> None:
-        """Go on with some of the runs, by their places in the batch, in that order."""
-        for part in (self._noise, self._starts, self.returns):
-            part.keep(rows)
-        self._tasks = self._tasks.select(rows)
-        self._state, self._time = self._state[rows], self._time[rows]
-        self.obs, self.fresh = self.obs[rows], self.fresh[rows]
-        self._arrived = [obs[rows] for obs in self._arrived]
-
-
 class GymEpisodes:
-    """Ordinary Gymnasium environments in lock-step, one for each run, behind the same interface.
+    """Ordinary Gymnasium environments in lock-step, one for each run.
 
+    ``obs`` (R, obs_dim) is what the agents see now, ``fresh`` (R,) marks first steps.
     Each needs a Box observation space of one dimension and a Discrete action space; ValueError
     otherwise. Run i is reset with seeds[i] once, and continues its own stream afterwards.
     """
 
     def __init__(
-        self,
-        envs: Sequence[gymnasium.Env],
-        seeds: Sequence[int],
-        gamma: float = 0.99,
-        window: int = 50,
+        self, envs: Sequence[gymnasium.Env], seeds: Sequence[int], gamma: float = 0.99
     ) -> None:
         if not envs:
             raise ValueError("there must be at least one environment")
@@ -159,7 +70,7 @@ class GymEpisodes:
         pairs = zip(envs, seeds, strict=True)
         first = [self._observation(env, env.reset(seed=int(seed))[0]) for env, seed in pairs]
         self.obs = torch.from_numpy(np.stack(first))
-        self.returns = Returns(len(envs), gamma, window)
+        self.returns = Returns(len(envs), gamma)
         self.fresh = torch.ones(len(envs), dtype=torch.bool)
 
     def step(self, action: Tensor) -> Transition:

@@ -14,9 +14,9 @@ from vtbook.credible_intervals import posterior_samples
 from vtbook.maze_run import STARTS, maze_of, six_walks
 from vtbook.plots import COLOURS
 from vtlab.envs.maze import Mazes
+from vtlab.episodes import Tasks
 from vtlab.experiment import Experiment
 from vtlab.run import chosen_sources
-from vtlib.episodes import Tasks
 from vtlib.rng import Rng
 from vtlib.training import Agent
 from vtlib.transfer import VariationalTransfer

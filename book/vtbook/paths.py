@@ -6,7 +6,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from vtlib.episodes import Tasks
+from vtlab.episodes import Tasks
 
 
 def walks(

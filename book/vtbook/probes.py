@@ -9,8 +9,8 @@ from torch import Tensor
 from vtbook.credible_intervals import inside, posterior_samples, values_at
 from vtlab.envs.rooms.plan import plan_rooms
 from vtlab.envs.rooms.tasks import SIDE, Rooms
+from vtlab.episodes import Tasks
 from vtlab.experiment import Experiment
-from vtlib.episodes import Tasks
 from vtlib.qfunctions import QFunction
 from vtlib.replay import Transition
 from vtlib.rng import Rng

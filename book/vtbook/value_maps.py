@@ -14,10 +14,10 @@ from torch import Tensor
 from vtbook.paths import walks
 from vtbook.plots import BookFigure, figure_html, look
 from vtlab.envs.base import Plane, TaskFamily
+from vtlab.episodes import Tasks
 from vtlab.experiment import Experiment
 from vtlab.run import prepare
 from vtlab.store import load
-from vtlib.episodes import Tasks
 from vtlib.transfer import VariationalTransfer
 
 NODES = 61  # of the grid, across and up

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 import torch
 from torch import Tensor
 
+from vtlab.episodes import Tasks
 from vtlib.checks import check_one_of
-from vtlib.episodes import Tasks
 from vtlib.qfunctions import QFunction
 from vtlib.rng import Rng
 

@@ -8,12 +8,13 @@ from attrs import Factory, field, frozen
 from torch import Tensor
 
 from vtlab.envs.base import TaskFamily
+from vtlab.training import FINGERPRINTS
 from vtlib import checks
 from vtlib.baselines import MellowTDSettings
 from vtlib.checks import check_kind, check_name, check_one_of, check_whole, shown
 from vtlib.qfunctions import QFunction
 from vtlib.rng import Rng
-from vtlib.training import FINGERPRINTS, Agent
+from vtlib.training import Agent
 
 ITERATIONS = 10_000
 # The labels under which a pool's solved sources and an experiment's targets are stored.

@@ -7,13 +7,14 @@ import torch
 from attrs import evolve, frozen
 from torch import Tensor
 
+from vtlab.episodes import Episodes, Tasks
 from vtlab.evaluation import Evaluation
 from vtlab.experiment import Experiment
 from vtlab.native.runs import NativeRun, supports, train_natively
 from vtlab.sources import check_pool_weights
-from vtlib.episodes import Episodes, Tasks
+from vtlab.training import FINGERPRINTS, train
 from vtlib.rng import Rng, generator
-from vtlib.training import FINGERPRINTS, Agent, arithmetic, train
+from vtlib.training import Agent, arithmetic
 
 EVALUATION_EPISODES = 10
 
@@ -97,10 +98,9 @@ def run_batch(
     """
     names = [f"run {run} of {experiment.name}, {label}" for run in runs]
     arguments = experiment.iterations, experiment.every, names, progress
-    records: dict[str, np.ndarray] = {}
     natively = device == "cpu" and by_kernels(experiment, label)
     if natively and (native := prepare_natively(experiment, label, runs, weights)):
-        curves = train_natively(native, _evaluation(experiment, runs), *arguments, threads)
+        records = train_natively(native, _evaluation(experiment, runs), *arguments, threads)
     else:
         batch, probe = prepare(experiment, label, runs, weights, device), None
         if experiment.probe is not None:
@@ -111,19 +111,12 @@ def run_batch(
                 probe.look(batch.agent)
             return batch.evaluate(mu)
 
-        curves = train(batch.agent, batch.episodes, evaluate, *arguments)
+        records = train(batch.agent, batch.episodes, evaluate, *arguments)
         if experiment.visits:
             records["visited"] = batch.episodes.visited.numpy()
         if probe is not None:
             records |= probe.arrays
-    return {
-        "run": np.array(runs),
-        "iterations": curves.iterations,
-        "learning": curves.learning.astype(np.float32),
-        "greedy": curves.greedy.astype(np.float32),
-        "fingerprints": curves.fingerprints,
-        **records,
-    }
+    return {"run": np.array(runs), **records}
 
 
 def prepare_natively(

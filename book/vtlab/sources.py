@@ -7,12 +7,13 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 import torch
 
+from vtlab.episodes import Episodes
 from vtlab.evaluation import Evaluation
 from vtlab.experiment import Pool
+from vtlab.training import FINGERPRINTS, fingerprint
 from vtlib.checks import check_kind, check_weights
-from vtlib.episodes import Episodes
 from vtlib.rng import Rng, Stream
-from vtlib.training import FINGERPRINTS, Agent, arithmetic, check_finite, fingerprint, iterate
+from vtlib.training import Agent, arithmetic, check_finite, iterate
 
 FRESH = 400  # episodes by which solved sources are judged in the end
 

@@ -13,8 +13,8 @@ from attrs import evolve, fields_dict, frozen
 from numpy.typing import ArrayLike
 from torch import Tensor
 
+from vtlab.episodes import Tasks
 from vtlib.checks import check_kind, check_whole, shown
-from vtlib.episodes import Tasks
 from vtlib.qfunctions import QFunction
 from vtlib.rng import generator
 

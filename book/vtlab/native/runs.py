@@ -1,7 +1,7 @@
 """Whole runs in C++, one at a time: the same as the engine's, up to rounding.
 
 A run's factors stay in the processor's cache, where the engine walks those of many runs through
-memory. ``train_natively`` stands for ``vtlib.training.train`` where ``supports`` says so. Random
+memory. ``train_natively`` stands for ``vtlab.training.train`` where ``supports`` says so. Random
 numbers are those of the engine's streams.
 """
 
@@ -16,13 +16,14 @@ import torch
 from torch import Tensor
 
 from vtlab.envs.base import TaskFamily
+from vtlab.episodes import Tasks
 from vtlab.native.build import RUNS
+from vtlab.training import FINGERPRINTS, recorded
 from vtlib.baselines import FineTuning, MellowTDSettings
-from vtlib.episodes import Tasks
 from vtlib.native import kernels
 from vtlib.posteriors.dense import start_factors
 from vtlib.rng import generator
-from vtlib.training import FINGERPRINTS, Curves, check_finite, curves_of
+from vtlib.training import check_finite
 from vtlib.transfer import Settings
 
 LEARNER, GAUSSIAN, MIXTURE = range(3)
@@ -209,7 +210,7 @@ class NativeRun:
 
     @property
     def fingerprint(self) -> np.ndarray:
-        """As ``vtlib.training.fingerprint``, (4,)."""
+        """As ``vtlab.training.fingerprint``, (4,)."""
         mu = self.mu.astype(np.float64)
         with np.errstate(all="ignore"):  # a run that has diverged is named at its next record
             sums = mu.sum(), (mu**2).sum()
@@ -224,13 +225,13 @@ def train_natively(
     names: list[str],
     progress: Callable[[int], bool] | None = None,
     threads: int = 1,
-) -> Curves:
-    """As ``vtlib.training.train``; each run goes on alone from one record to the next.
+) -> dict[str, np.ndarray]:
+    """As ``vtlab.training.train``; each run goes on alone from one record to the next.
 
     As many run at once as there are threads, because kernels leave Python's lock to other threads.
     Runs go on while they are evaluated.
     """
-    recorded, learning, greedy, prints = [], [], [], []
+    measured, learning, greedy, prints = [], [], [], []
     records = range(every, iterations + 1, every)
     times = sorted({*records, *(f for f in FINGERPRINTS if f <= iterations)})
     pool = ThreadPoolExecutor(threads)
@@ -248,7 +249,7 @@ def train_natively(
             if t in records:
                 mu = torch.from_numpy(np.stack([run.mu for run in runs]))
                 check_finite(mu, names, t)
-                recorded.append(t)
+                measured.append(t)
                 learning.append([run.learning for run in runs])
             if later is not None:
                 under_way = advance(later - t)
@@ -258,4 +259,4 @@ def train_natively(
                     break
     finally:
         pool.shutdown(cancel_futures=True)
-    return curves_of(len(runs), recorded, learning, greedy, prints)
+    return recorded(len(runs), measured, learning, greedy, prints)

@@ -12,13 +12,14 @@ from hypothesis import strategies as st
 
 from vtbook.experiments.protocols import as_published
 from vtlab.envs import CartpoleFamily, MazeFamily, MountainCarFamily, RoomsFamily
+from vtlab.episodes import Episodes
 from vtlab.native.runs import NativeRun, supports, train_natively
+from vtlab.training import fingerprint
 from vtlib.baselines import DDQNSettings, FineTuning, MellowTDSettings
-from vtlib.episodes import Episodes
 from vtlib.native import kernels
 from vtlib.posteriors.native import at
 from vtlib.rng import Rng
-from vtlib.training import Agent, Diverged, fingerprint, iterate
+from vtlib.training import Agent, Diverged, iterate
 from vtlib.transfer import Settings
 
 ROOMS = RoomsFamily()
@@ -123,9 +124,9 @@ def test_progress_may_stop_runs_on_two_threads_and_one_that_diverged_is_named(mo
     with monkeypatch.context() as patched:
         patched.setattr(NativeRun, "advance", lambda *x: (together.wait(), advance(*x)))
         stop = train_natively(*arguments, lambda t: t < 60, threads=2)
-    assert stop.iterations.tolist() == [20, 40, 60]
-    assert stop.fingerprints.shape == (2, 2, 4)
-    for run, mean in zip(alone, stop.greedy[:, -1], strict=True):
+    assert stop["iterations"].tolist() == [20, 40, 60]
+    assert stop["fingerprints"].shape == (2, 2, 4)
+    for run, mean in zip(alone, stop["greedy"][:, -1], strict=True):
         run.advance(60)
         assert run.mu.sum() == pytest.approx(mean, rel=1e-4)
     runs[1].mu[:] = np.nan

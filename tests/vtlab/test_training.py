@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 import torch
 
+from vtlab.training import FINGERPRINTS, fingerprint, train
 from vtlib.replay import Transition
-from vtlib.training import FINGERPRINTS, Diverged, fingerprint, train
+from vtlib.training import Diverged
 
 NAMES = ["a", "b", "c"]
 
@@ -54,14 +55,14 @@ def first(mu):
 
 def assert_counted(curves, iterations, times):
     """The curves of so many iterations of counting, recorded at these times."""
-    np.testing.assert_array_equal(curves.iterations, times)
-    np.testing.assert_allclose(curves.learning, np.tile(times / 100, (3, 1)), rtol=1e-6)
-    np.testing.assert_array_equal(curves.greedy, times + np.arange(3)[:, None])
+    np.testing.assert_array_equal(curves["iterations"], times)
+    np.testing.assert_allclose(curves["learning"], np.tile(times / 100, (3, 1)), rtol=1e-6)
+    np.testing.assert_array_equal(curves["greedy"], times + np.arange(3)[:, None])
     t = np.array([t for t in FINGERPRINTS if t <= iterations])
     w = t + np.arange(3)[:, None]
     # six equal weights, their squares, both coordinates, the learning return
     expected = np.stack(np.broadcast_arrays(6 * w, 6 * w**2, 2 * t, t / 100), -1)
-    np.testing.assert_allclose(curves.fingerprints, expected)
+    np.testing.assert_allclose(curves["fingerprints"], expected)
 
 
 @pytest.mark.parametrize("every", [7, 100])

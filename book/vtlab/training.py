@@ -1,0 +1,63 @@
+"""Runs of an experiment trained together, with what is recorded of them along the way."""
+
+import itertools
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from vtlab.episodes import Episodes
+from vtlib.training import Agent, arithmetic, check_finite, iterate
+
+FINGERPRINTS = (1, 49, 199)  # iterations within an episode: at its end all runs look alike
+
+
+@arithmetic()
+def train(
+    agent: Agent,
+    episodes: Episodes,
+    evaluate: Callable[[Tensor], Tensor],
+    iterations: int,
+    every: int,
+    names: list[str],
+    progress: Callable[[int], bool] | None = None,
+) -> dict[str, np.ndarray]:
+    """Run the loop for a number of iterations, evaluating every so many of them.
+
+    names (R,) are used in errors. progress is told the iteration at each evaluation and stops the
+    loop by returning False. The arrays are those of ``recorded``. Raises Diverged when weights are
+    not finite.
+    """
+    times, learning, greedy, prints = [], [], [], []
+    for t in itertools.islice(iterate(agent, episodes), iterations):
+        if t in FINGERPRINTS:
+            prints.append(fingerprint(agent, episodes))
+        if t % every == 0:
+            check_finite(agent.mu, names, t)
+            times.append(t)
+            learning.append(episodes.returns.mean().numpy())
+            greedy.append(evaluate(agent.mu.cpu()).numpy())
+            if progress is not None and not progress(t):
+                break
+    return recorded(len(names), times, learning, greedy, prints)
+
+
+def recorded(
+    runs: int, times: Any, learning: Any, greedy: Any, prints: Any
+) -> dict[str, np.ndarray]:
+    """What was recorded at T times: iterations (T,), returns (R, T), fingerprints (R, 3, 4)."""
+    return {
+        "iterations": np.array(times),
+        "learning": np.array(learning, np.float32).reshape(-1, runs).T,
+        "greedy": np.array(greedy, np.float32).reshape(-1, runs).T,
+        "fingerprints": np.array(prints).reshape(-1, runs, 4).swapaxes(0, 1),
+    }
+
+
+def fingerprint(agent: Agent, episodes: Episodes) -> np.ndarray:
+    """Four numbers (R, 4) that any change of a run's course would change."""
+    mu = agent.mu.detach().cpu().double().flatten(1)
+    parts = [mu.sum(1), mu.square().sum(1), episodes.obs.double().sum(1)]
+    return torch.stack([*parts, episodes.returns.mean().double()], 1).numpy()
