@@ -52,29 +52,26 @@ def solve(
     Box and Discrete, a Q-function of other sizes or that draws random numbers, or an environment
     that is given twice; Diverged when weights cease to be finite.
     """
-    check_whole("iterations", iterations)
-    check_trials(trials)
-    check_kind("callback", callback, Callable | None)
+    check_run(iterations, callback, trials)
     check_kind("settings", settings, MellowTDSettings | DDQNSettings | None)
     settings = settings or MellowTDSettings(epsilon_steps=max(1, iterations // 2))
     name = stream_name("solve", seed)
     episodes, rng = episodes_of(envs, q, name, settings.gamma), Rng(name, range(len(envs)))
     start = 0.1 * Rng(name, [0]).stream("initial weights").normal(q.d).expand(len(envs), -1)
     agent = settings.agent(q, start, episodes.obs_dim, rng)
-    bar = tqdm(total=iterations, unit=" steps", disable=not progress)
-    learned = _learn(agent, episodes, iterations, name, callback, bar)
-    learned = evolve(learned, q=q, settings=settings, seed=seed)
-    if trials and not learned.interrupted:
-        play = partial(_play, envs, q, episodes=trials, name=f"{name} trial", gamma=settings.gamma)
-        learned = _with_reached(learned, start.unsqueeze(1), partial(play, bar=bar))
-    bar.close()
+    with tqdm(total=iterations, unit=" steps", disable=not progress) as bar:
+        about = {"q": q, "settings": settings, "seed": seed}
+        learned = _learn(agent, episodes, iterations, name, callback, bar, **about)
+        if trials and not learned.interrupted:
+            play = partial(_play, learned, envs, trials, name, bar)
+            learned = _with_reached(learned, start.unsqueeze(1), play)
     return learned
 
 
 def _with_reached(learned: Learned, start: Tensor, play: Any) -> Learned:
     """What was learned with the returns that it reached, and a warning where that is nothing."""
     try:
-        reached, before = (play(weights=weights)[0] for weights in (learned.weights, start))
+        reached, before = (play(weights)[0] for weights in (learned.weights, start))
     except KeyboardInterrupt:
         return evolve(learned, interrupted=True)
     except ValueError as error:  # learning took long, and an endless episode must not lose it
@@ -115,28 +112,29 @@ def transfer(
     settings = Trust() if settings is None else settings
     # only posteriors are kept elsewhere than on the processor
     place = "cpu" if isinstance(settings, FineTuning) else device
-    check_transfer(envs, q, sources, iterations, settings, trials, callback, place)
+    check_run(iterations, callback, trials)
+    check_transfer(envs, q, sources, settings, trials, place)
     gamma = (settings.learner if isinstance(settings, FineTuning) else settings).gamma
     name = stream_name("transfer", seed)
     shared = sources.detach().expand(len(envs), *sources.shape).to(place)
     episodes, rng = episodes_of(envs, q, name, gamma), Rng(name, range(len(envs)))
     agent = settings.agent(q, shared, episodes.obs_dim, rng)
     with tqdm(total=iterations, unit=" steps", disable=not progress) as bar:
-        learned = _learn(agent, episodes, iterations, name, callback, bar)
-        learned = evolve(learned, q=q, settings=settings, seed=seed)
-        if not isinstance(agent, Trusting) or learned.interrupted or not trials:
-            return learned
-        play = partial(_play, envs, q, episodes=trials, name=f"{name} trial", gamma=gamma, bar=bar)
-        try:
-            return _with_the_better(learned, agent, play)
-        except KeyboardInterrupt:
-            return evolve(learned, interrupted=True)
+        about = {"q": q, "settings": settings, "seed": seed}
+        learned = _learn(agent, episodes, iterations, name, callback, bar, **about)
+        if trials and not learned.interrupted:
+            play = partial(_play, learned, envs, trials, name, bar)
+            learned = _with_the_better(learned, agent, play)  # type: ignore[arg-type]
+    return learned
 
 
 def _with_the_better(learned: Learned, agent: Trusting, play: Any) -> Learned:
     """What was learned where it earns more than the best source in trials, else that source."""
     mu, source = agent.learned.mu.cpu(), agent.best_source
-    (ours, took), (theirs, also) = play(weights=mu), play(weights=source)
+    try:
+        (ours, took), (theirs, also) = play(mu), play(source)
+    except KeyboardInterrupt:
+        return evolve(learned, interrupted=True)
     gain = ours - theirs
     improved = _clear(gain)
     weights = torch.where(improved.view(-1, 1, 1), mu, source.expand_as(mu))
@@ -150,35 +148,33 @@ def _clear(gain: Tensor) -> Tensor:
     return clear
 
 
-def check_transfer(
-    envs: object,
-    q: object,
-    sources: object,
-    iterations: object,
-    settings: object,
-    trials: object,
-    callback: object,
-    device: object,
-) -> None:
-    """Raise ValueError for arguments with which ``transfer`` cannot work."""
+def check_run(iterations: object, callback: object, trials: object = 0) -> None:
+    """Raise ValueError for arguments with which nothing can learn; one trial has no error."""
     check_whole("iterations", iterations)
     check_kind("callback", callback, Callable | None)
+    check_whole("trials", trials, 0)
+    if trials == 1:
+        raise ValueError("trials must be 0 or at least 2, got 1: one has no standard error")
+
+
+def check_transfer(
+    envs: Any, q: Any, sources: Any, settings: Any, trials: int, device: Any
+) -> None:
+    """Raise ValueError for arguments with which ``transfer`` cannot work."""
     check_kind("device", device, str)
     check_envs(envs)
     check_kind("q", q, QFunction)
     if isinstance(sources, Learned):
         raise ValueError("sources must be a Tensor, got what solve returns: pass .weights[:, 0]")
-    check_kind("sources", sources, Tensor)
-    check_weights("sources", sources, "source", q.d)  # type: ignore[attr-defined]
+    check_weights("sources", sources, "source", q.d, tensor=True)
     if isinstance(settings, MellowTDSettings | DDQNSettings):
         kind = type(settings).__name__
         raise ValueError(f"settings must transfer, got {kind}: wrap it in FineTuning")
     check_kind("settings", settings, Trust | Settings | FineTuning)
-    check_trials(trials)
     if trials and not isinstance(settings, Trust):
         raise ValueError(f"trials must be 0 where other settings are given, got {trials}")
     try:
-        torch.empty(0, device=device)  # type: ignore[call-overload]
+        torch.empty(0, device=device)
     except (RuntimeError, AssertionError, TypeError) as error:
         raise ValueError(f"device must be one that torch has here, got {shown(device)}") from error
 
@@ -200,8 +196,7 @@ def resume(
     know its Q-function.
     """
     check_kind("learned", learned, Learned)
-    check_whole("iterations", iterations)
-    check_kind("callback", callback, Callable | None)
+    check_run(iterations, callback)
     q, settings, gamma = learned.q, learned.settings, learned.gamma
     name = f"{stream_name('resume', learned.seed)} after {int(learned.steps.max())}"
     episodes, rng = episodes_of(envs, q, name, gamma), Rng(name, range(len(envs)))  # type: ignore[arg-type]
@@ -209,37 +204,29 @@ def resume(
     weights = learned.weights
     if isinstance(settings, MellowTDSettings | DDQNSettings):
         settings, weights = evolve(settings, epsilon_start=settings.epsilon_end), weights[:, 0]
+    about = {x: getattr(learned, x) for x in ("q", "settings", "seed")}
     if learned.state is None:
         agent = settings.agent(q, weights, episodes.obs_dim, rng)
     else:
         agent = settings.agent(q, learned.state["sources"], episodes.obs_dim, rng)
         agent.restore(learned.state)
     with tqdm(total=iterations, unit=" steps", disable=not progress) as bar:
-        more = _learn(agent, episodes, iterations, name, callback, bar)
+        more = _learn(agent, episodes, iterations, name, callback, bar, **about)
     return evolve(
         more,
         iterations=torch.cat([learned.iterations, more.iterations + int(learned.steps.max())]),
         returns=torch.cat([learned.returns, more.returns], 1),
         steps=learned.steps + more.steps,
-        **{x: getattr(learned, x) for x in ("q", "settings", "seed")},
     )
 
 
-def check_trials(trials: object) -> None:
-    """Raise ValueError for a number of trials that has no standard error."""
-    check_whole("trials", trials, 0)
-    if trials == 1:
-        raise ValueError("trials must be 0 or at least 2, got 1: one has no standard error")
-
-
 def _play(
+    learned: Learned,
     envs: Sequence[gymnasium.Env],
-    q: QFunction,
-    weights: Tensor,
     episodes: int,
     name: str,
-    gamma: float,
     bar: Any,
+    weights: Tensor,
 ) -> tuple[Tensor, Tensor]:
     """Greedy returns (R, episodes) of weights (R, C, d), and steps (R,) played to get them."""
 
@@ -247,7 +234,8 @@ def _play(
         bar.total += 1
         bar.update()
 
-    played = greedy_episodes(envs, q, weights, episodes, name, gamma, tick)
+    trial, gamma = f"{name} trial", learned.gamma
+    played = greedy_episodes(envs, learned.q, weights, episodes, trial, gamma, tick)  # type: ignore[arg-type]
     return played.returns, played.lengths.sum(1)
 
 
@@ -258,6 +246,7 @@ def _learn(
     name: str,
     callback: Callback | None,
     bar: Any,
+    **about: Any,
 ) -> Learned:
     runs, times, returns = len(agent.mu), [], []
     names, done = [f"run {r} of {name}" for r in range(runs)], 0
@@ -275,25 +264,27 @@ def _learn(
     except KeyboardInterrupt:
         interrupted = True
     check_finite(agent.mu, names, done)
-    posterior, factors = (agent.learned if isinstance(agent, Trusting) else agent), None
+    mu = factors = state = None
+    weights, improved = agent.mu.detach().cpu().clone(), torch.ones(runs, dtype=torch.bool)
+    posterior: Any = agent
+    if isinstance(agent, Trusting):
+        posterior, improved, state = agent.learned, agent.improved, agent.state()
+        weights = torch.where(improved.view(-1, 1, 1), posterior.mu.cpu(), agent.best_source)
     if isinstance(posterior, VariationalTransfer):
         factors = posterior.scale_tril if posterior.deviations is None else posterior.deviations
-        factors = factors.detach().cpu().clone()
-    weights, improved = agent.mu.detach().cpu().clone(), torch.ones(runs, dtype=torch.bool)
-    if isinstance(agent, Trusting):
-        weights, improved = agent.learned.mu.cpu().clone(), agent.improved
-        weights = torch.where(improved.view(-1, 1, 1), weights, agent.best_source)
+        mu, factors = (x.detach().cpu().clone() for x in (posterior.mu, factors))
     return Learned(
         weights=weights,
         iterations=torch.tensor(times, dtype=torch.int64),
         returns=torch.stack(returns, 1) if returns else torch.empty(runs, 0),
         steps=torch.full((runs,), done),
         improved=improved,
-        mu=None if factors is None else posterior.mu.detach().cpu().clone(),
+        mu=mu,
         scale_tril=factors,
-        state=agent.state() if isinstance(agent, Trusting) else None,
+        state=state,
         first_action=episodes.first_action,
         interrupted=interrupted,
+        **about,
     )
 
 
