@@ -1,17 +1,8 @@
-"""Where stochastic gradient descent on the posterior's factor L stops being stable.
+"""The largest curvature of the squared TD error.
 
-Near the posterior's mean the TD error is linear in the weights, and the gradient of its expected
-square by L is H L with H = 2 E[h f^T]: f the gradient of a TD error by the weights, h the one that
-is psi-mixed (eq. 5.4). Let eta be its largest eigenvalue, u and p its left and right eigenvectors
-with u^T p = 1, and l = u^T L. From n normal samples v (eq. 5.11) the gradient is estimated as
-H L V, V the mean of v v^T; the TD errors at the mean, whose part has no L in it, are left out, as
-the divergence is. As row i of L ends at column i, a step of size alpha takes l to
-
-    l_j - alpha eta c_j (l V)_j,    c_j = sum of u_i p_i over i >= j.
-
-For a fixed l, E (l V)_j^2 = ((n + 1) l_j^2 + |l|^2) / n. With 0 < c_j <= 1 the squares of l tend to
-0 on average if alpha eta < 2 n / (d_eta + n + 1), d_eta = sum of c_j = sum of i u_i p_i: the mean
-length of L's rows along the eigenvectors. For rows of one length, d_eta = d, they grow above that.
+Near some weights the TD error is linear in them, and the gradient of its expected square by the
+factor L of a posterior is H L with H = 2 E[h f^T]: f the gradient of a TD error by the weights, h
+the one that is psi-mixed (eq. 5.4). The curvature is eta, the largest eigenvalue of H.
 """
 
 import torch
@@ -19,11 +10,6 @@ from torch import Tensor
 
 from vtlib.qfunctions import QFunction
 from vtlib.replay import Transition
-
-
-def largest_step(length: Tensor, samples: int) -> Tensor:
-    """The bound on alpha eta, for rows of L of a mean length d_eta (R,) and n samples."""
-    return 2 * samples / (length + samples + 1)
 
 
 def curvature(

@@ -1,5 +1,6 @@
 """What is looked at while posteriors learn: their coverage in rooms, their stability elsewhere."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 
 import numpy as np
@@ -7,24 +8,21 @@ import torch
 from torch import Tensor
 
 from vtbook.credible_intervals import inside, posterior_samples, values_at
+from vtbook.stability import largest_step, steepest
 from vtlab.envs.rooms.plan import plan_rooms
 from vtlab.envs.rooms.tasks import SIDE, Rooms
 from vtlab.episodes import Tasks
 from vtlab.experiment import Experiment
-from vtlib.qfunctions import QFunction
-from vtlib.replay import Transition
 from vtlib.rng import Rng
-from vtlib.stability import gradients_of_errors, largest_step
 from vtlib.td import mellowmax
 from vtlib.training import Agent
 from vtlib.transfer import VariationalTransfer
 
 SAMPLES = 400  # of each component's posterior
 FEWER = 50  # the same where only a standard deviation is asked for
-OFF = 1e-6  # relative; so far beside an eigenvalue its eigenvector is looked for
 
 
-class Probe:
+class Probe(ABC):
     """Looks at an agent now and then; ``arrays`` are stored with the returns."""
 
     def __init__(
@@ -44,9 +42,9 @@ class Probe:
         assert isinstance(agent, VariationalTransfer)
         self._noted.append(self._note(agent))
 
+    @abstractmethod
     def _note(self, agent: VariationalTransfer) -> dict[str, Tensor]:
         """What is to be stored of the agent now."""
-        raise NotImplementedError
 
     def _samples(self, agent: VariationalTransfer, count: int) -> Tensor:
         """So many weights from each component of the present posterior."""
@@ -127,27 +125,3 @@ class CourseProbe(Probe):
 
     def _note(self, agent: VariationalTransfer) -> dict[str, Tensor]:
         return {"mean": agent.mu.detach().clone(), "size": agent.scale_tril.flatten(1).norm(dim=1)}
-
-
-def steepest(
-    q: QFunction, mu: Tensor, batch: Transition, psi: float, gamma: float, kappa: float
-) -> tuple[Tensor, Tensor]:
-    """Eigenvalue eta (R,) of H of ``vtlib.stability``, and d_eta (R,), in float64.
-
-    At weights mu (R, d), over a mini-batch (R, B). H is not symmetric unless psi is 1; of a complex
-    pair the modulus and the real part are taken.
-    """
-    f, h = gradients_of_errors(q, mu, batch, psi, gamma, kappa)
-    H = torch.bmm(h.mT, f).double() * (2 / batch.action.shape[1])
-    values, vectors = torch.linalg.eig(H)
-    top = values.abs().argmax(1)
-    rows = torch.arange(len(mu))
-    eta, p = values[rows, top], vectors[rows, :, top]
-    beside = H.mT - (eta * (1 + OFF)).view(-1, 1, 1) * torch.eye(H.shape[-1])
-    u = p
-    for _ in range(2):
-        u = torch.linalg.solve(beside, u)
-        u = u / u.norm(dim=1, keepdim=True)
-    share = u * p / (u * p).sum(1, keepdim=True)
-    length = (share.real * torch.arange(1, H.shape[-1] + 1)).sum(1)
-    return eta.abs(), length

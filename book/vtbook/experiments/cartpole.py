@@ -96,7 +96,7 @@ CARTPOLE_OTHER_SOURCES = {
     for key, pool in OTHER_CARTPOLES.items()
 }
 
-# Why transfer falls late with the text's sources, and what should spare it (vtlib.stability).
+# Why transfer falls late with the text's sources, and what should spare it (vtbook.stability).
 LATE_VARIANTS: dict[str, dict[str, Any]] = {
     "as in the thesis": {},
     "full gradient": {"psi": 1.0},

@@ -8,10 +8,10 @@ import torch
 from attrs import field, frozen
 from torch import Tensor
 
+from vtbook.stability import largest_step
 from vtlib.checks import between, whole
 from vtlib.qfunctions import QFunction
 from vtlib.rng import Rng
-from vtlib.stability import largest_step
 from vtlib.transfer import Settings
 from vtlib.trust import CLIP, NARROW, WORTH
 from vtlib.units import FIRST, InUnits

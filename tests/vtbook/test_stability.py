@@ -8,13 +8,13 @@ import pytest
 import torch
 from torch.func import jacrev
 
-from vtbook.probes import steepest
+from vtbook.stability import largest_step, steepest
 from vtlib.posteriors import Descent
 from vtlib.posteriors.dense import Dense
 from vtlib.priors import Precision, Start
 from vtlib.qfunctions import MLP
 from vtlib.replay import Transition
-from vtlib.stability import curvature, largest_step
+from vtlib.stability import curvature
 from vtlib.td import td_error
 
 D, SAMPLES, REPEATS = 8, 3, 40_000
