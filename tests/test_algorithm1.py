@@ -3,10 +3,11 @@
 import pytest
 import torch
 
+from vtlab.bases import RBFLinear
 from vtlab.envs import CartpoleFamily, MazeFamily, MountainCarFamily, RoomsFamily
 from vtlab.episodes import Episodes
 from vtlib.algorithm1 import algorithm1
-from vtlib.qfunctions import MLP, RBFLinear
+from vtlib.qfunctions import MLP
 from vtlib.rng import Rng
 from vtlib.training import iterate
 from vtlib.transfer import Settings

@@ -15,9 +15,10 @@ from hypothesis import strategies as st
 from torch import nn
 
 from vtbook import neighbours
+from vtlab.bases import RBFLinear
 from vtlib.baselines import DDQNSettings, FineTuning, MellowTDSettings
 from vtlib.checks import LARGEST, SHOWN, one_line, shown
-from vtlib.qfunctions import MLP, ModuleQ, RBFLinear
+from vtlib.qfunctions import MLP, ModuleQ
 from vtlib.replay import ReplayBuffer, Transition
 from vtlib.rng import Rng
 from vtlib.td import mellowmax

@@ -19,10 +19,11 @@ from vtbook.neighbours import (
     Recommended,
     UnstartedSettings,
 )
+from vtlab.bases import RBFLinear
 from vtlab.experiment import Algorithm
 from vtlib import posteriors
 from vtlib.baselines import FineTuning, MellowTDSettings
-from vtlib.qfunctions import MLP, QFunction, RBFLinear
+from vtlib.qfunctions import MLP, QFunction
 from vtlib.replay import Transition
 from vtlib.rng import Rng
 from vtlib.transfer import Settings

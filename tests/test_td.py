@@ -7,8 +7,9 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from vtlab.bases import RBFLinear
 from vtlib import td
-from vtlib.qfunctions import MLP, RBFLinear
+from vtlib.qfunctions import MLP
 from vtlib.replay import Transition
 from vtlib.td import exp_of_differences, mellowmax, td_cotangent, td_error, td_gradients
 

@@ -5,7 +5,7 @@ from vtlib.gym_runs import resume, solve, transfer
 from vtlib.learned import Learned
 from vtlib.playing import evaluate, play
 from vtlib.pool import Pool
-from vtlib.qfunctions import MLP, ModuleQ, RBFLinear
+from vtlib.qfunctions import MLP, ModuleQ
 from vtlib.stats import mean_interval
 from vtlib.transfer import Settings
 from vtlib.trust import Trust
@@ -18,7 +18,6 @@ __all__ = [
     "MellowTDSettings",
     "ModuleQ",
     "Pool",
-    "RBFLinear",
     "Settings",
     "Trust",
     "evaluate",

@@ -1,4 +1,4 @@
-"""Q-functions over a flat weight vector: radial bases, multilayer perceptrons, any torch module.
+"""Q-functions over a flat weight vector: multilayer perceptrons, and any torch module.
 
 Every Q-function offers the same: ``d`` weights, ``prepare(obs)`` (what may be computed once for all
 weights), ``q(w, x)`` and ``vjp(w, x)``. Weights are (R, K, d): K weight vectors for
@@ -15,12 +15,7 @@ import torch
 from torch import Tensor, nn
 from torch.func import functional_call, vjp, vmap
 
-from vtlib.checks import check_kind, check_positive, check_whole, shown
-
-# Features below float32's rounding of their sum are set to zero. They and their products would
-# become denormal numbers, on which a processor is many times slower.
-ROUNDING = 1e-7
-FAR = -30.0
+from vtlib.checks import check_kind, check_whole, shown
 
 
 @runtime_checkable
@@ -57,62 +52,12 @@ def from_description(about: dict[str, Any], q: QFunction | None = None) -> QFunc
 
     Raises ValueError where it is missing, or another.
     """
-    kind = about["kind"]
-    if q is None and kind == "MLP":
+    if q is None and about["kind"] == "MLP":
         return MLP(about["sizes"])
-    if q is None and kind == "RBFLinear":
-        return RBFLinear(torch.tensor(about["centers"]), about["variance"], about["n_actions"])
     own = None if q is None else described(q)
     if own != about:
         raise ValueError(f"q must be the saved {shown(about)}, got {shown(own)}")
     return q  # type: ignore[return-value]
-
-
-class RBFLinear:
-    """Linear in Gaussian radial bases on a square grid, normalised to sum to one, no bias.
-
-    centers: (m,) coordinates of the grid on either axis of a two-dimensional observation;
-    variance of each basis in squared units of the observation. d = n_actions * m * m weights,
-    one block of m * m per action. The rooms use m = 11 integer centres and variance 1/9.
-    """
-
-    def __init__(self, centers: Tensor, variance: float, n_actions: int) -> None:
-        check_positive("variance", variance)
-        check_whole("n_actions", n_actions)
-        self.n_actions = self.width = n_actions
-        self.d = n_actions * len(centers) ** 2
-        self._centers = centers
-        self._rate = 0.5 / variance
-
-    def sizes_of_parts(self) -> dict[str, Any]:
-        """Centres and variance, for a file."""
-        return {"centers": self._centers.tolist(), "variance": 0.5 / self._rate}
-
-    def prepare(self, obs: Tensor) -> Tensor:
-        """Features (R, m * m, B), one column per observation of (R, B, 2)."""
-        # the Gaussian and its normaliser are products of one factor for each axis
-        _check_observations(obs, 2)
-        columns = obs.transpose(-1, -2).contiguous()
-        distance = columns.unsqueeze(-2) - self._centers.to(obs.device).unsqueeze(-1)
-        axes = distance.square_().mul_(-self._rate)
-        axes = axes.sub_(axes.amax(-2, keepdim=True)).clamp_(min=FAR).exp_()
-        axes = axes.div_(axes.sum(-2, keepdim=True))
-        axes = torch.threshold_(axes, ROUNDING, 0.0)
-        return (axes[:, 0].unsqueeze(2) * axes[:, 1].unsqueeze(1)).flatten(1, 2)
-
-    def q(self, w: Tensor, x: Tensor) -> Tensor:
-        """Values (R, K, A, B) of weights (R, K, d) at features (R, m * m, B)."""
-        runs, k, _ = w.shape
-        rows = w.reshape(runs, k * self.n_actions, -1)
-        return torch.bmm(rows, x).view(runs, k, self.n_actions, -1)
-
-    def vjp(self, w: Tensor, x: Tensor) -> tuple[Tensor, Callable[[Tensor], Tensor]]:
-        """Values, and the map from a cotangent (R, K, A, B) to a gradient (R, K, d)."""
-
-        def pullback(cotangent: Tensor) -> Tensor:
-            return torch.bmm(cotangent.flatten(1, 2), x.transpose(1, 2)).view(w.shape)
-
-        return self.q(w, x), pullback
 
 
 class MLP:
@@ -139,7 +84,7 @@ class MLP:
 
     def prepare(self, obs: Tensor) -> Tensor:
         """Observations (R, B, obs_dim) as columns (R, obs_dim + 1, B) that end in a one."""
-        _check_observations(obs, self._layers[0][0])
+        check_observations(obs, self._layers[0][0])
         columns = obs.transpose(-1, -2)
         return torch.cat([columns, torch.ones_like(columns[:, :1])], 1)
 
@@ -183,7 +128,8 @@ class MLP:
         return matrices, outputs
 
 
-def _check_observations(obs: Tensor, size: int) -> None:
+def check_observations(obs: Tensor, size: int) -> None:
+    """Raise ValueError unless observations (..., size) have so many numbers."""
     if obs.shape[-1] != size:
         need = f"observations must have {size} numbers for this Q-function"
         raise ValueError(f"{need}, got {obs.shape[-1]}")

@@ -23,7 +23,7 @@ EQUATIONS = {
     "eq-2-6": ("vtlab.envs.planning.GridPlan.value",),
     "eq-2-7": ("vtlab.envs.planning.GridPlan.greedy",),
     "eq-2-8": ("vtlab.envs.planning.sweep",),
-    "eq-2-12": ("vtlib.qfunctions.RBFLinear.q", "vtlib.qfunctions.MLP.q"),
+    "eq-2-12": ("vtlab.bases.RBFLinear.q", "vtlib.qfunctions.MLP.q"),
     "eq-2-15": ("vtlib.td.td_error",),
     "eq-2-17": ("vtlib.priors.kl",),
     "eq-5-2": ("vtlib.transfer.VariationalTransfer.learn", "vtlib.algorithm1.algorithm1"),

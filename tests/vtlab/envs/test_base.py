@@ -5,7 +5,7 @@ import pytest
 import torch
 
 from vtlab import envs
-from vtlib.qfunctions import RBFLinear
+from vtlab.bases import RBFLinear
 
 ROOMS = [envs.RoomsFamily(), envs.RoomsFamily(2, normal=(5.0, 1.8))]
 OTHERS = [envs.CartpoleFamily(), envs.MountainCarFamily(), envs.MazeFamily()]

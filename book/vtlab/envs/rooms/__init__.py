@@ -9,11 +9,11 @@ import torch
 from attrs import field, frozen
 from torch import Tensor
 
+from vtlab.bases import RBFLinear
 from vtlab.envs.base import TaskFamily
 from vtlab.envs.rooms.plan import plan_rooms
 from vtlab.envs.rooms.tasks import DOOR_RANGE, Rooms
 from vtlib.checks import check_between, check_positive, check_whole, kind, shown, whole
-from vtlib.qfunctions import RBFLinear
 
 __all__ = ["Rooms", "RoomsFamily"]
 
