@@ -100,8 +100,7 @@ class EpsilonGreedyLearner(ABC):
         self, q: QFunction, w: Tensor, obs_dim: int, settings: LearnerSettings, rng: Rng
     ) -> None:
         check_kind("settings", settings, self.needs)
-        check_kind("weights", w, Tensor)
-        check_weights("weights", w, "run", q.d)
+        check_weights("weights", w, "run", q.d, tensor=True)
         rng.check_rows(len(w))
         self._q, self._settings = q, settings
         self._exploration, self._replay = rng.stream("exploration"), rng.stream("replay")

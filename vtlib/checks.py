@@ -81,10 +81,9 @@ def check_weights(
     name: str,
     weights: Any,
     *shape: str | int,
-    kinds: Collection[str] = ("float32",),
     tensor: bool = False,
 ) -> None:
-    """Raise ValueError unless weights are finite, of a shape, and of one of some kinds of numbers.
+    """Raise ValueError unless weights are finite, of a shape, and float32.
 
     weights: a tensor or, but for ``tensor``, an array. An axis that is given in words may have any
     size but 0.
@@ -100,8 +99,8 @@ def check_weights(
     ):
         axes = ", ".join(f"at least 1 {a}" if isinstance(a, str) else str(a) for a in shape)
         raise ValueError(f"{name} must have shape ({axes}), got {sizes}")
-    if str(weights.dtype).removeprefix("torch.") not in kinds:
-        raise ValueError(f"{name} must be {' or '.join(kinds)}, got {weights.dtype}")
+    if str(weights.dtype).removeprefix("torch.") != "float32":
+        raise ValueError(f"{name} must be float32, got {weights.dtype}")
     finite = torch.isfinite(weights) if isinstance(weights, Tensor) else np.isfinite(weights)
     if not bool(finite.all()):
         raise ValueError(f"{name} must be finite, got NaN or infinity")

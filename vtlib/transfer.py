@@ -124,8 +124,7 @@ class VariationalTransfer:
         self, q: QFunction, sources: Tensor, obs_dim: int, settings: Settings, rng: Rng
     ) -> None:
         check_kind("settings", settings, Settings)
-        check_kind("sources", sources, Tensor)
-        check_weights("sources", sources, "run", "source", q.d)
+        check_weights("sources", sources, "run", "source", q.d, tensor=True)
         rng.check_rows(len(sources))
         s, sources = settings, sources.detach()
         self._q, self._settings, self._device = q, settings, sources.device

@@ -13,7 +13,7 @@ from collections.abc import Mapping
 import torch
 from torch import Tensor
 
-from vtlib.checks import check_kind, check_weights
+from vtlib.checks import check_weights
 from vtlib.qfunctions import QFunction
 from vtlib.replay import Transition
 from vtlib.rng import Rng
@@ -44,8 +44,7 @@ class InUnits(VariationalTransfer):
         updates: int,
         rng: Rng,
     ) -> None:
-        check_kind("sources", sources, Tensor)
-        check_weights("sources", sources, "run", "source", q.d)
+        check_weights("sources", sources, "run", "source", q.d, tensor=True)
         sources = sources.detach()
         self._unit = sources.square().mean((1, 2), keepdim=True).sqrt()
         if not bool(((self._unit > 0) & self._unit.isfinite()).all()):
