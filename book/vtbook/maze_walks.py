@@ -13,8 +13,8 @@ from vtbook.browser_panel import panel
 from vtbook.credible_intervals import posterior_samples
 from vtbook.maze_run import STARTS, maze_of, six_walks
 from vtbook.plots import COLOURS
+from vtlab.envs.base import TaskBatch
 from vtlab.envs.maze import Mazes
-from vtlab.episodes import Tasks
 from vtlab.experiment import Experiment
 from vtlab.run import chosen_sources
 from vtlib.rng import Rng
@@ -33,7 +33,7 @@ class WalksProbe:
     """
 
     def __init__(
-        self, experiment: Experiment, label: str, runs: Sequence[int], tasks: Tasks
+        self, experiment: Experiment, label: str, runs: Sequence[int], tasks: TaskBatch
     ) -> None:
         self._experiment = experiment
         self._noise = Rng(experiment.stream, runs).stream("probe samples")

@@ -6,11 +6,11 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from vtlab.episodes import Tasks
+from vtlab.envs.base import TaskBatch
 
 
 def walks(
-    tasks: Tasks, policy: Callable[[Tensor], Tensor], start: Tensor, noise: Tensor
+    tasks: TaskBatch, policy: Callable[[Tensor], Tensor], start: Tensor, noise: Tensor
 ) -> list[np.ndarray]:
     """The states (T, n) of one episode in each of R tasks, the first and the last included.
 

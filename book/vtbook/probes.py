@@ -9,9 +9,9 @@ from torch import Tensor
 
 from vtbook.credible_intervals import inside, posterior_samples, values_at
 from vtbook.stability import largest_step, steepest
+from vtlab.envs.base import TaskBatch
 from vtlab.envs.rooms.plan import plan_rooms
 from vtlab.envs.rooms.tasks import SIDE, Rooms
-from vtlab.episodes import Tasks
 from vtlab.experiment import Experiment
 from vtlib.rng import Rng
 from vtlib.td import mellowmax
@@ -26,7 +26,7 @@ class Probe(ABC):
     """Looks at an agent now and then; ``arrays`` are stored with the returns."""
 
     def __init__(
-        self, experiment: Experiment, label: str, runs: Sequence[int], tasks: Tasks
+        self, experiment: Experiment, label: str, runs: Sequence[int], tasks: TaskBatch
     ) -> None:
         # the experiments name their probes, so neither can begin by importing the other
         from vtbook.experiments.protocols import transfer_settings
@@ -69,7 +69,7 @@ class CoverageProbe(Probe):
     """
 
     def __init__(
-        self, experiment: Experiment, label: str, runs: Sequence[int], tasks: Tasks
+        self, experiment: Experiment, label: str, runs: Sequence[int], tasks: TaskBatch
     ) -> None:
         super().__init__(experiment, label, runs, tasks)
         assert isinstance(tasks, Rooms), "only rooms are planned for every state"

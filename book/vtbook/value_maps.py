@@ -13,8 +13,7 @@ from torch import Tensor
 
 from vtbook.paths import walks
 from vtbook.plots import BookFigure, figure_html, look
-from vtlab.envs.base import Plane, TaskFamily
-from vtlab.episodes import Tasks
+from vtlab.envs.base import Plane, TaskBatch, TaskFamily
 from vtlab.experiment import Experiment
 from vtlab.run import prepare
 from vtlab.store import load
@@ -44,7 +43,7 @@ def plane_states(plane: Plane, dimensions: int) -> Tensor:
     return states
 
 
-def value_map(family: TaskFamily, task: Tasks, mu: Tensor) -> ValueMap:
+def value_map(family: TaskFamily, task: TaskBatch, mu: Tensor) -> ValueMap:
     """The map of one run's mean Q-function, of weights mu (1, C, d), in its task.
 
     Raises ValueError when the family has no plane.

@@ -1,40 +1,14 @@
 """Episodes of a batch of tasks in lock-step, behind the interface of ``vtlib.episodes``."""
 
 from collections.abc import Sequence
-from typing import ClassVar, Protocol
 
-import numpy as np
 import torch
 from torch import Tensor
 
+from vtlab.envs.base import TaskBatch
 from vtlib.episodes import Returns
 from vtlib.replay import Transition
 from vtlib.rng import Stream
-
-
-class Tasks(Protocol):
-    """A batch of R tasks with the dynamics as pure functions of state, action and noise."""
-
-    n_actions: ClassVar[int]
-    obs_dim: ClassVar[int]
-    noise_dim: ClassVar[int]
-    start_dim: ClassVar[int]
-    horizon: ClassVar[int]
-    gamma: ClassVar[float]
-
-    def __len__(self) -> int: ...
-
-    def start(self, u: Tensor) -> Tensor:
-        """First states from uniform numbers (R, start_dim) in [0, 1)."""
-
-    def step(self, state: Tensor, action: Tensor, noise: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        """Next state, reward (R,), terminated (R,), from normal noise (R, noise_dim)."""
-
-    def observe(self, state: Tensor) -> Tensor:
-        """Observations (R, obs_dim)."""
-
-    def select(self, index: Tensor | np.ndarray | Sequence[int]) -> "Tasks":
-        """The tasks of that index, repetitions allowed."""
 
 
 class Episodes:
@@ -46,7 +20,7 @@ class Episodes:
 
     def __init__(
         self,
-        tasks: Tasks,
+        tasks: TaskBatch,
         noise: Stream,
         starts: Stream,
         window: int = 50,

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import torch
 from torch import Tensor
 
-from vtlab.episodes import Tasks
+from vtlab.envs.base import TaskBatch
 from vtlib.checks import check_one_of
 from vtlib.qfunctions import QFunction
 from vtlib.rng import Rng
@@ -20,7 +20,7 @@ class Evaluation:
     """
 
     def __init__(
-        self, q: QFunction, tasks: Tasks, rng: Rng, episodes: int = 10, over: str = "mean"
+        self, q: QFunction, tasks: TaskBatch, rng: Rng, episodes: int = 10, over: str = "mean"
     ) -> None:
         check_one_of("over", over, ("mean", "max", "each"))
         self._q, self._episodes, self._over = q, episodes, over

@@ -7,7 +7,8 @@ import torch
 from attrs import evolve, frozen
 from torch import Tensor
 
-from vtlab.episodes import Episodes, Tasks
+from vtlab.envs.base import TaskBatch
+from vtlab.episodes import Episodes
 from vtlab.evaluation import Evaluation
 from vtlab.experiment import Experiment
 from vtlab.native.runs import NativeRun, supports, train_natively
@@ -28,7 +29,7 @@ class Batch:
     evaluate: Evaluation
 
 
-def targets(experiment: Experiment, runs: Sequence[int]) -> Tasks:
+def targets(experiment: Experiment, runs: Sequence[int]) -> TaskBatch:
     """The target task of each run."""
     return experiment.family.draw_tasks(
         experiment.stream, [run // experiment.runs_per_task for run in runs]

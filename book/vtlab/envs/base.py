@@ -13,25 +13,38 @@ from attrs import evolve, fields_dict, frozen
 from numpy.typing import ArrayLike
 from torch import Tensor
 
-from vtlab.episodes import Tasks
 from vtlib.checks import check_kind, check_whole, shown
 from vtlib.qfunctions import QFunction
 from vtlib.rng import generator
 
 
 @frozen(eq=False, slots=False)
-class TaskBatch:
-    """R tasks, one per row; subclasses are frozen attrs classes.
+class TaskBatch(ABC):
+    """R tasks, one per row, with dynamics that are pure functions of state, action and noise.
 
-    `parameters` names the fields with a row for each task; what other fields hold is common to all.
-    `step` takes states (R, state_dim), actions (R,) int64 and normal noise (R, noise_dim). It gives
-    next states, rewards (R,) float32 and terminated (R,) bool, and refuses other shapes by a
-    ValueError.
+    Subclasses are frozen attrs classes. `parameters` names the fields with a row for each task;
+    what other fields hold is common to all. `start` takes uniform numbers (R, start_dim) in [0, 1)
+    and gives first states. `step` takes states (R, state_dim), actions (R,) int64 and normal noise
+    (R, noise_dim). It gives next states, rewards (R,) float32 and terminated (R,) bool, and refuses
+    other shapes by a ValueError.
     """
 
     parameters: ClassVar[tuple[str, ...]]
+    n_actions: ClassVar[int]
+    obs_dim: ClassVar[int]
     state_dim: ClassVar[int]
     noise_dim: ClassVar[int]
+    start_dim: ClassVar[int]
+    horizon: ClassVar[int]
+    gamma: ClassVar[float]
+
+    @abstractmethod
+    def start(self, u: Tensor) -> Tensor:
+        """First states (R, state_dim) of uniform numbers."""
+
+    @abstractmethod
+    def step(self, state: Tensor, action: Tensor, noise: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """Next states, rewards, and whether these are terminal."""
 
     def __len__(self) -> int:
         return len(getattr(self, self.parameters[0]))
@@ -138,7 +151,7 @@ class TaskFamily(ABC):
         """Best mean discounted return (R,) that an episode of each task can earn."""
 
     @abstractmethod
-    def sample(self, rng: np.random.Generator, count: int) -> Tasks:
+    def sample(self, rng: np.random.Generator, count: int) -> TaskBatch:
         """Draw `count` tasks, independent and alike. Raises ValueError when count < 1."""
 
     def solved(self, returns: Tensor, optimum: Tensor, required: float) -> Tensor:
@@ -149,12 +162,12 @@ class TaskFamily(ABC):
         """The tasks as sources learn them: as they are, unless a family says otherwise."""
         return tasks
 
-    def draw_tasks(self, stream: str, runs: Sequence[int]) -> Tasks:
+    def draw_tasks(self, stream: str, runs: Sequence[int]) -> TaskBatch:
         """One task for each run, whatever the other runs are."""
         tasks: list[Any] = [self.sample(generator(stream, run, "task"), 1) for run in runs]
-        return cast(Tasks, type(tasks[0]).join(tasks))
+        return cast(TaskBatch, type(tasks[0]).join(tasks))
 
-    def source_tasks(self, stream: str, sources: Sequence[int]) -> Tasks:
+    def source_tasks(self, stream: str, sources: Sequence[int]) -> TaskBatch:
         """The tasks of some sources of a pool, each drawn from a generator of its own."""
         return TaskFamily.draw_tasks(self, stream, sources)
 

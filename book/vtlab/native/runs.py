@@ -15,8 +15,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from vtlab.envs.base import TaskFamily
-from vtlab.episodes import Tasks
+from vtlab.envs.base import TaskBatch, TaskFamily
 from vtlab.native.build import RUNS
 from vtlab.training import FINGERPRINTS, recorded
 from vtlib.baselines import FineTuning, MellowTDSettings
@@ -108,7 +107,7 @@ class NativeRun:
     def __init__(
         self,
         family: TaskFamily,
-        tasks: Tasks,
+        tasks: TaskBatch,
         row: int,
         algorithm: Any,
         start: Tensor,
