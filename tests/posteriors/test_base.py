@@ -319,3 +319,11 @@ def test_a_large_covariance_is_diagonal_moves_calmly_and_says_so(caplog):
     assert (type(large), large._alpha) == (Diagonal, CALM)
     said = "2,000 weights would take 0.0 GB as full covariances: they are diagonal"
     assert [x.getMessage()[: len(said)] for x in caplog.records] == [said]
+
+
+@pytest.mark.parametrize(("alpha", "told"), [(0.1, ["alpha_L = 0.1"]), (CALM, [])])
+def test_a_large_step_on_a_diagonal_that_was_asked_for_is_told(alpha, told, caplog):
+    stream, start = Stream("t", [0], "posterior"), Start(torch.zeros(1, 1, 5), 1.0)
+    asked = COVARIANCES["diagonal"](start, Precision(1.0), Descent(alpha, 1e-4), stream, 2)
+    assert (type(asked), asked._alpha) == (Diagonal, alpha)
+    assert [x.getMessage()[:13] for x in caplog.records] == told

@@ -16,7 +16,7 @@ from vtlib.rng import Stream
 __all__ = ["COVARIANCES", "Descent", "Diagonal", "Posterior"]
 
 LARGE = 2000  # from so many weights on a covariance is diagonal unless "dense" is asked for
-CALM = 1e-4  # the largest step on a large diagonal that has destroyed no weights
+CALM = 1e-4  # the largest step on a diagonal that has destroyed no network's weights
 GIGABYTE = 1e9
 MANY = 400  # from so many weights on blocks are faster: the cache no longer holds L
 
@@ -44,12 +44,26 @@ def _full(
     return kind(start, precision, descent, noise, n_samples)
 
 
+def _diagonal(
+    start: Start, precision: Precision, descent: Descent, noise: Stream, n_samples: int
+) -> Posterior:
+    """A diagonal covariance, with one line in the log where its step may destroy a network."""
+    if descent.alpha > CALM:
+        LOGGER.warning(
+            "alpha_L = %g is a large step on a diagonal: of a network it can destroy what sources "
+            "know, which %g did not",
+            descent.alpha,
+            CALM,
+        )
+    return Diagonal(start, precision, descent, noise, n_samples)
+
+
 Maker = Callable[[Start, Precision, Descent, Stream, int], Posterior]
 
 #: A family of posteriors is chosen by its name here; a new one is a class and a line.
 COVARIANCES: dict[str, Maker] = {
     "full": _full,
     "dense": Dense,
-    "diagonal": Diagonal,
+    "diagonal": _diagonal,
     "fixed": Fixed,
 }
