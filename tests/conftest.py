@@ -55,19 +55,6 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     items.sort(key=place)
 
 
-@pytest.hookimpl(optionalhook=True)
-def pytest_xdist_make_scheduler(config: pytest.Config, log: object) -> object:
-    """Share the tests by their files, and those of JupyterLab, the longest, in two halves."""
-    from xdist.scheduler import LoadFileScheduling
-
-    class Halves(LoadFileScheduling):
-        def _split_scope(self, nodeid: str) -> str:
-            half = "test_lab.py" in nodeid and re.search(r"\[[gm]", nodeid) is not None
-            return super()._split_scope(nodeid) + half * " (second half)"
-
-    return Halves(config, log)
-
-
 def pytest_collection_finish(session: pytest.Session) -> None:
     """Begin to build the book where a test that was selected needs it."""
     if BUILT in os.environ or session.config.option.collectonly:

@@ -75,10 +75,15 @@ def test_the_cache_key_follows_what_pages_depend_on(extension, tmp_path):
 
 
 def test_pages_run_side_by_side_and_one_that_fails_is_left_to_sphinx(extension, tmp_path):
-    codes = "import sys; 'torch' in sys.modules", "1 / 0", "import os; os.kill(os.getpid(), 9)"
+    first = "import os, sys, warnings; warnings.warn('no')\n"
+    first += "'torch' in sys.modules and os.listdir() == []"
+    codes = first, "1 / 0", "import os; os.kill(os.getpid(), 9)"
     good, *bad = (new_notebook(cells=[new_code_cell(code)]) for code in codes)
     pages = {tmp_path / f"{i}.md": page for i, page in enumerate([good, *bad])}
-    seconds, *never = asyncio.run(extension("in_parallel").run_all(pages, 60))
+    module = extension("in_parallel")
+    seconds, *never = asyncio.run(module.run_all(pages, 60))
     assert [seconds < math.inf, *never] == [True, math.inf, math.inf]
-    assert good.cells[0].outputs[0].data["text/plain"] == "True"
+    assert good.cells[0].outputs[1].data["text/plain"] == "True"
+    (warned,) = module.warnings_of(good)
+    assert "UserWarning: no" in warned
     assert good.cells[0].metadata == {}  # or Sphinx would not find it in the cache

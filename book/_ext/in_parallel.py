@@ -1,7 +1,8 @@
 """Sphinx extension: pages run side by side, one on each processor.
 
 Sphinx would run one page after the other. This extension runs the pages that are not in the
-execution cache before Sphinx reads them. Sphinx runs a page that fails again, and reports why.
+execution cache before Sphinx reads them. Sphinx runs a page that fails again, and reports why. A
+Python warning in a cell is one of the build.
 """
 
 from __future__ import annotations
@@ -9,6 +10,7 @@ from __future__ import annotations
 import asyncio
 import math
 import os
+import tempfile
 import time
 from pathlib import Path
 from typing import Any
@@ -29,12 +31,16 @@ AT_MOST = 4  # pages at a time: each has the stored runs that it shows in memory
 
 
 async def run(path: Path, page: NotebookNode, room: asyncio.Semaphore, **how: Any) -> float:
-    """Run a page's cells in place; the seconds that they took, or infinity if one failed."""
+    """Run a page's cells; the seconds that they took, or infinity if one failed.
+
+    They run in an empty folder, for a reader's notebook is not beside the book's files either.
+    """
     async with room:
         begin = time.monotonic()
-        where = {"metadata": {"path": str(path.parent)}}
         try:
-            await NotebookClient(page, resources=where, **AS_READ, **how).async_execute()
+            with tempfile.TemporaryDirectory() as folder:
+                where = {"metadata": {"path": folder}}
+                await NotebookClient(page, resources=where, **AS_READ, **how).async_execute()
         except (CellControlSignal, RuntimeError):  # RuntimeError: the kernel died
             return math.inf
         seconds = time.monotonic() - begin
@@ -69,6 +75,12 @@ def executed(app: Any, docname: str) -> NotebookNode | None:
         return None
 
 
+def warnings_of(page: NotebookNode) -> list[str]:
+    """What the cells of a page that has run were warned of; the book shows none of it."""
+    outputs = [output for cell in page.cells for output in cell.get("outputs", ())]
+    return [x.text for x in outputs if x.get("name") == "stderr" and "Warning" in x.text]
+
+
 def run_pages(app: Any, env: Any, docnames: list[str]) -> None:
     """Fill the execution cache with the pages that are to be read and are not in it."""
     cache = get_cache(app.config.nb_execution_cache_path)
@@ -80,6 +92,10 @@ def run_pages(app: Any, env: Any, docnames: list[str]) -> None:
         if seconds < math.inf:
             bundle = CacheBundleIn(page, str(path), data={"execution_seconds": seconds})
             cache.cache_notebook_bundle(bundle, check_validity=False, overwrite=True)
+    for name in docnames:
+        page = executed(app, name)
+        for text in warnings_of(page) if page else ():
+            LOGGER.warning(text, location=name)
 
 
 def setup(app: Any) -> dict[str, Any]:

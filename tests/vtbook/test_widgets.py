@@ -4,12 +4,17 @@ import threading
 from unittest.mock import Mock
 
 import numpy as np
+import pytest
 from attrs import evolve
 from xarray import Dataset
 
 from vtbook import rerun, widgets
+from vtbook.experiments.cartpole import CARTPOLE
+from vtbook.experiments.maze import MAIN, MAZE_TARGETS
+from vtbook.experiments.mountain_car import CAR
 from vtbook.experiments.protocols import transfer_settings
 from vtbook.experiments.rooms import ROOMS_EVALUATION
+from vtbook.page import Page
 from vtbook.widgets import LivePanel
 from vtlab.workers import processors
 
@@ -104,3 +109,13 @@ def test_any_error_is_shown_and_the_next_training_runs(monkeypatch):
     assert parts["HTML"].value == before
     monkeypatch.setattr(rerun, "run_batch", quick)
     assert trained(panel, parts) == "done at 300"
+
+
+@pytest.mark.parametrize("protocols", [CARTPOLE, CAR, MAZE_TARGETS[MAIN]])
+def test_a_panel_trains_in_the_other_environments_too(protocols):
+    page = Page(protocols)
+    beside = {"DDQN": page.runs["DDQN"]}
+    panel = LivePanel(page.experiment, page.weights, beside, runs=1, iterations=200)
+    parts = parts_of(panel)
+    assert trained(panel, parts) == "done at 200"
+    assert "of DDQN, 1-MGVT, just now." in parts["HTML"].value
