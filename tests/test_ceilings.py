@@ -1,6 +1,7 @@
 """Ceilings of the book: words and bytes of a page, intervals, numbers in a sentence."""
 
 import copy
+import functools
 import re
 from pathlib import Path
 
@@ -51,6 +52,7 @@ NAMES = re.compile(
 )
 
 
+@functools.cache
 def paragraphs(path: Path) -> list[Tag]:
     """The paragraphs and items of lists that a reader sees who unfolds nothing.
 
@@ -58,27 +60,30 @@ def paragraphs(path: Path) -> list[Tag]:
     and what stands in a box or unfolds: the answer, notes, solutions, evidence.
     """
     document = BeautifulSoup(path.read_text(encoding="utf-8"), "html.parser")
-    article = copy.copy(document.select_one("article.bd-article"))
+    article = document.select_one("article.bd-article")
     for other in article.select(ELSE):
         other.decompose()
     return [text for text in article.select("p, li") if not text.find(["p", "li"])]
 
 
+def without(path: Path, names: str) -> list[str]:
+    """The texts of the paragraphs of a page, in which what has such a name is an x."""
+    texts = [copy.copy(text) for text in paragraphs(path)]
+    for name in (name for text in texts for name in text.select(names)):
+        name.string = "x"
+    return [" ".join(text.text.split()) for text in texts]
+
+
 def words(path: Path) -> int:
     """The words of a page's prose; a formula within a line is one."""
-    texts = paragraphs(path)
-    for formula in (formula for text in texts for formula in text.select(".math, code")):
-        formula.string = "x"
-    return sum(bool(re.search(r"\w", word)) for text in texts for word in text.text.split())
+    texts = without(path, ".math, code")
+    return sum(bool(re.search(r"\w", word)) for text in texts for word in text.split())
 
 
 def sentences(path: Path) -> list[str]:
     """The sentences of a page's prose, without formulas, code, links and citations."""
-    texts = paragraphs(path)
-    for name in (name for text in texts for name in text.select(".math, code, a")):
-        name.string = "x"
-    whole = [" ".join(text.text.split()) for text in texts]
-    return [part for text in whole for part in re.split(r"(?<=[.?!:;])\s+(?=[A-Z(])", text)]
+    texts = without(path, ".math, code, a")
+    return [part for text in texts for part in re.split(r"(?<=[.?!:;])\s+(?=[A-Z(])", text)]
 
 
 def numbers(sentence: str) -> list[str]:
