@@ -34,6 +34,7 @@ FOREIGN = re.compile(r"^(?!file:|data:|blob:|http://127\.0\.0\.1[:/])")
 # Set to a folder of built pages to test those instead of building the book.
 BUILT = "VTLIB_BOOK_HTML"
 FIRST = "gw0"  # of the processes that share the tests; it starts the build
+LONGEST = "test_lab.py", "test_trainer.py", "test_pages.py"
 LOG, STATUS, GROUP = (ROOT / "_build" / f"test-build.{x}" for x in ("log", "status", "group"))
 BUILD_LIMIT = 1800  # seconds
 PATIENCE = 180_000  # milliseconds that a page may take on a busy machine
@@ -43,14 +44,14 @@ CELL = re.compile(r"```\{code-cell\}[^\n]*\n(?:---\n(.*?)\n---\n)?(.*?)```", re.
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """First the method's files, last those that need the book: a file's tests share a process.
 
-    Of these the longest begins, for nothing else can go beside its end.
+    Of these the longest begin, or the last one would run while other processes have no more to do.
     """
     files = {item.path for item in items if needs_book(item)}
     packages = {ROOT / "tests" / name for name in ("vtlab", "vtbook")}
 
-    def place(item: pytest.Item) -> tuple[bool, bool, bool]:
-        own, lab = bool(packages & {*item.path.parents}), item.path.name == "test_lab.py"
-        return item.path in files, own, not lab
+    def place(item: pytest.Item) -> tuple[bool, int, bool]:
+        rank = [*LONGEST, item.path.name].index(item.path.name)
+        return item.path in files, rank, bool(packages & {*item.path.parents})
 
     items.sort(key=place)
 
