@@ -166,6 +166,12 @@ def check_transfer(
     check_kind("q", q, QFunction)
     if isinstance(sources, Learned):
         raise ValueError("sources must be a Tensor, got what solve returns: pass .weights[:, 0]")
+    if not isinstance(sources, Tensor):
+        kind = type(sources).__name__  # a pool would show all its weights
+        raise ValueError(f"sources must be a Tensor, as a pool's .weights are, got a {kind}")
+    if sources.dim() == 3:
+        got = tuple(sources.shape)
+        raise ValueError(f"sources must have shape (sources, {q.d}), got {got}: pass [:, 0] of it")
     check_weights("sources", sources, "source", q.d, tensor=True)
     if isinstance(settings, MellowTDSettings | DDQNSettings):
         kind = type(settings).__name__
@@ -200,8 +206,9 @@ def resume(
     q, settings, gamma = learned.q, learned.settings, learned.gamma
     name = f"{stream_name('resume', learned.seed)} after {int(learned.steps.max())}"
     episodes, rng = episodes_of(envs, q, name, gamma), Rng(name, range(len(envs)))  # type: ignore[arg-type]
-    check_weights("envs", learned.weights, len(envs), "component", q.d)  # type: ignore[union-attr]
     weights = learned.weights
+    if len(envs) != len(weights):
+        raise ValueError(f"envs must be one for each of {len(weights)} runs, got {len(envs)}")
     if isinstance(settings, MellowTDSettings | DDQNSettings):
         settings, weights = evolve(settings, epsilon_start=settings.epsilon_end), weights[:, 0]
     about = {x: getattr(learned, x) for x in ("q", "settings", "seed")}

@@ -191,7 +191,7 @@ def load_arrays(path: str | Path, writer: str) -> tuple[dict[str, np.ndarray], d
     """The arrays and the text of such a file; TornResult names one that is not whole."""
     check_kind("path", path, str | Path)
     if not Path(path).is_file():
-        raise ValueError(f"path must be a file that {writer} wrote, got {path}")
+        raise ValueError(f"path must be a file that {writer} wrote, got {path}, which is none")
     whole = io.BytesIO(Path(path).read_bytes())
     try:
         with np.load(whole, allow_pickle=False) as stored:

@@ -98,7 +98,9 @@ def main(options: list[str]) -> None:
     write_settings()
     if options != ["--copy"]:
         start = [f"--ServerApp.root_dir={FOLDER}", f"--LabApp.default_url=/lab/tree/{FIRST}"]
-        command = [sys.executable, "-m", "jupyterlab", *start, *options]
+        # In a container one often is root, which Jupyter wants to be told.
+        root = ["--allow-root"] * (getattr(os, "geteuid", lambda: 1)() == 0)
+        command = [sys.executable, "-m", "jupyterlab", *start, *root, *options]
         os.execv(command[0], command)
 
 

@@ -117,6 +117,7 @@ class Environment:
 
     def kernels(self) -> None:
         """Compile the loops in C++; raises Failed where torch will have to compute instead."""
+        say("and the loops in C++, compiled for this machine: a minute or two")
         for package in ("vtlib.native", "vtlab.native"):
             done = run([self.python, "-m", package])
             print(last_lines(done, 20))

@@ -5,6 +5,7 @@ What is not compiled is not used: torch computes the same, up to rounding.
 
 import ctypes
 import functools
+import importlib.util
 import logging
 from pathlib import Path
 from typing import Any
@@ -31,6 +32,8 @@ def kernels(source: Path = POSTERIOR) -> Any:
     One line of the log says once why torch computes instead.
     """
     if level(source) is None:
+        if importlib.util.find_spec("ziglang") is not None:
+            LOGGER.warning("compiling the loops in C++ for this machine, once: some minutes")
         try:
             compile_library(source)
             level.cache_clear()
