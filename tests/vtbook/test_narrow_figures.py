@@ -53,10 +53,10 @@ def test_many_panels_stand_in_columns_and_the_figure_is_what_it_was():
             figure, axes = drawn(*shape)
             for ax in axes.flat:
                 ax.set_aspect("equal" if maps else "auto")
-            figure._repr_png_()  # the first drawing lays it out
-            before, _ = figure._repr_png_()
+            figure._png()  # the first drawing lays it out
+            before = figure._png()
             thin = narrow(figure)
             thin.draw_without_rendering()
-            assert before == figure._repr_png_()[0]
+            assert before == figure._png()
             left = {round(ax.get_position().x0, 2) for ax in thin.axes}
             assert len(left) == columns
