@@ -1,7 +1,7 @@
 /* A recording that is played, paused, or dragged to any place. */
 "use strict";
 
-var Player = class {
+globalThis.Player = class {
   /* last: the recording's last place; a second takes it so much further; squares: what is drawn. */
   constructor(root, last, aSecond, squares) {
     this.squares = squares;

@@ -53,6 +53,19 @@ def contrasts() -> tuple[Contrast, ...]:
     )
 
 
+def shortfalls() -> dict[str, float]:
+    """How far behind the best of a place each algorithm is where it is farthest behind.
+
+    In shares of the optimum, by means, of those that ran in all places but one or in all.
+    """
+    means = [{x: each.mean() for x, each in earned(place).items()} for place in PLACES]
+    behind: dict[str, list[float]] = {}
+    for here in means:
+        for label, mean in here.items():
+            behind.setdefault(label, []).append(float(max(here.values()) - mean))
+    return {x: max(each) for x, each in behind.items() if len(each) >= len(PLACES) - 1}
+
+
 def parted(title: str) -> dict[str, Interval]:
     """By how much the method leads itself with less of an ingredient, in a place by its title."""
     (place,) = [x for x in PLACES if x.title == title]

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from attrs import evolve
 
+from vtbook import judgement
 from vtbook.experiments import EXPERIMENTS
 from vtbook.experiments.trust import JUDGED, LOSS, OURS, PARTED, PLACES
 from vtbook.judgement import Contrast, contrasts, parted
@@ -67,3 +68,13 @@ def test_an_ingredient_is_worth_what_the_files_say():
     whole = mean_shares_of(place.experiment, OURS, place.first)
     for label, found in parted(place.title).items():
         assert_paired(found, whole, mean_shares_of(PARTED[place.title], label, place.first))
+
+
+def test_the_farthest_shortfall_is_behind_the_best_of_a_place(monkeypatch):
+    told = {"a": {OURS: [0.9, 0.7], "x": [1.0], "z": [0.0]}, "b": {OURS: [0.5], "x": [0.1]}}
+    places = [type("Place", (), {"title": title}) for title in told]
+    monkeypatch.setattr(judgement, "PLACES", places)
+    earned = {t: {k: np.array(v) for k, v in each.items()} for t, each in told.items()}
+    monkeypatch.setattr(judgement, "earned", lambda place: earned[place.title])
+    found = judgement.shortfalls()
+    assert found == pytest.approx({OURS: 0.2, "x": 0.4, "z": 1.0})
