@@ -30,7 +30,7 @@ WORDS = {
     "controls": 510,
     "comparison": 500,
     "recommended": 900,
-    "guide": 540,
+    "guide": 640,
     "conclusions": 460,
 }
 APPENDIX = (
