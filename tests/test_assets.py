@@ -6,6 +6,7 @@ import hashlib
 import io
 import math
 import tarfile
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from unittest.mock import Mock
 
@@ -81,7 +82,8 @@ def test_pages_run_side_by_side_and_one_that_fails_is_left_to_sphinx(extension, 
     good, *bad = (new_notebook(cells=[new_code_cell(code)]) for code in codes)
     pages = {tmp_path / f"{i}.md": page for i, page in enumerate([good, *bad])}
     module = extension("in_parallel")
-    seconds, *never = asyncio.run(module.run_all(pages, 60))
+    with ThreadPoolExecutor() as threads:  # in this one a browser's loop may run
+        seconds, *never = threads.submit(asyncio.run, module.run_all(pages, 60)).result()
     assert [seconds < math.inf, *never] == [True, math.inf, math.inf]
     assert good.cells[0].outputs[1].data["text/plain"] == "True"
     (warned,) = module.warnings_of(good)

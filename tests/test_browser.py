@@ -36,7 +36,7 @@ def test_search_finds_a_word_of_the_text(visit, page):
 # Three pages whose sliders differ, with their experiments. Mountain car has a slider over the
 # iterations, too, on a panel of its own; these are its first positions and its last.
 SETTINGS = {
-    "mountain_car": (CAR, (0, 500, 1500, 5000)),
+    "mountain_car": (CAR, (0, 2500, 5000, 40_000)),
     "rooms_evaluation": (ROOMS_EVALUATION, ()),
     "rooms_number_of_sources": (ROOMS_SOURCES, ()),
 }

@@ -15,6 +15,7 @@ from vtlib.files import TornResult
 from vtlib.gym_runs import resume, solve, transfer
 from vtlib.learned import Learned
 from vtlib.playing import evaluate, play
+from vtlib.pool import Pool
 from vtlib.qfunctions import MLP, ModuleQ
 from vtlib.transfer import Settings
 
@@ -252,6 +253,8 @@ def test_a_file_that_is_not_whole_is_named(tmp_path):
         (partial(transfer, [ENV], LINEAR, SOURCES, 10), "q must be of type QFunction"),
         (partial(transfer, [ENV], Q, SOLVED, 10), r"pass .weights\[:, 0\]"),
         (partial(transfer, [ENV], Q, SOURCES, 10, LEARNER), "wrap it in FineTuning"),
+        (partial(transfer, [ENV], Q, Pool(Q), 10), "pass .weights$"),
+        (partial(transfer, [ENV], Q, SOURCES[None], 10), r"got \(1, .*: pass \[:, 0\] of it$"),
         (partial(solve, VECTOR, Q, 10), "envs must be .*: pass its .envs"),
         (partial(solve, [VECTOR], Q, 10), "envs must be .*: pass its .envs"),
         (partial(solve, [FOUR], Q, 10), "step must return .* got 4 from"),
@@ -341,5 +344,5 @@ def test_learning_goes_on_from_what_was_learned(settings, tmp_path):
     assert more.iterations.tolist() == [100, 220]
     assert more.steps.tolist() == [220]
     assert (more.weights - learned.weights).abs().max() < 0.5
-    with pytest.raises(ValueError, match=r"envs must have shape \(2, .*got \(1, "):
+    with pytest.raises(ValueError, match="envs must be one for each of 1 runs, got 2"):
         resume(learned, [Corridor(), Corridor()], 10)

@@ -166,10 +166,9 @@ def check_transfer(
     check_kind("q", q, QFunction)
     if isinstance(sources, Learned):
         raise ValueError("sources must be a Tensor, got what solve returns: pass .weights[:, 0]")
-    if not isinstance(sources, Tensor):
-        kind = type(sources).__name__  # a pool would show all its weights
-        raise ValueError(f"sources must be a Tensor, as a pool's .weights are, got a {kind}")
-    if sources.dim() == 3:
+    if hasattr(type(sources), "weights"):  # a pool, which would show all its weights
+        raise ValueError("sources must be a Tensor, got what has them: pass .weights")
+    if isinstance(sources, Tensor) and sources.dim() == 3:
         got = tuple(sources.shape)
         raise ValueError(f"sources must have shape (sources, {q.d}), got {got}: pass [:, 0] of it")
     check_weights("sources", sources, "source", q.d, tensor=True)
