@@ -63,7 +63,7 @@ book: set-up
 # The book is built beside the other tests: one thread each, or they wait for each other.
 test: export OMP_NUM_THREADS := 1
 test: set-up-checks
-	@echo "==> Testing: 15 to 20 minutes on two cores (linter, library, book from scratch, browser)."
+	@echo "==> Testing: 12 minutes on two cores (linter, library, book from scratch, browser)."
 	@$(MAKE) --no-print-directory -j2 lint pytest
 
 pytest: set-up-checks
