@@ -64,7 +64,7 @@ class WalksProbe:
 def driven(experiment: Experiment, weights: Tensor) -> np.ndarray:
     """Six walks (6, 101, 3) uint8 in the first run's maze, greedy in weights (6, d), one each.
 
-    Starts and noise are those of all walks in that maze.
+    All walks in that maze have the same starts and noise.
     """
     q, maze = experiment.family.q(), maze_of(experiment).select([0] * STARTS)
 

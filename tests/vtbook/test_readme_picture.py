@@ -1,4 +1,4 @@
-"""The README's picture is that of the stored runs."""
+"""The README's picture is drawn from the stored runs."""
 
 from vtbook.readme_picture import FILE, picture
 
