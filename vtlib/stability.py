@@ -2,7 +2,7 @@
 
 Near some weights the TD error is linear in them, and the gradient of its expected square by the
 factor L of a posterior is H L with H = 2 E[h f^T]: f the gradient of a TD error by the weights, h
-the one that is psi-mixed (eq. 5.4). The curvature is eta, the largest eigenvalue of H.
+its psi-mixed gradient (eq. 5.4). The curvature is eta, the largest eigenvalue of H.
 """
 
 import torch

@@ -27,7 +27,7 @@ def train(
     """Run the loop for a number of iterations, evaluating every so many of them.
 
     names (R,) are used in errors. progress is told the iteration at each evaluation and stops the
-    loop by returning False. The arrays are those of ``recorded``. Raises Diverged when weights are
+    loop by returning False. Gives what ``recorded`` gives. Raises Diverged when weights are
     not finite.
     """
     times, learning, greedy, prints = [], [], [], []

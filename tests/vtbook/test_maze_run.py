@@ -42,7 +42,7 @@ def test_a_run_is_looked_at_where_it_was_asked_for_and_is_not_disturbed(weights)
     batch = prepare(HERE, "GVT", [0], weights)
     list(pauses(batch, [10]))
     places = Rng(HERE.stream, [0]).stream("probes")
-    places.uniform(SEEN)  # those of iteration 5
+    places.uniform(SEEN)  # drawn at iteration 5
     q, mu = HERE.family.q(), batch.agent.mu.detach()
     x = q.prepare(batch.agent.remembered(places.uniform(SEEN)).obs)
     assert found[10].value == pytest.approx(float(q.q(mu, x).mean(1).amax(1).mean()), rel=1e-5)

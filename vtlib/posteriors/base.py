@@ -64,7 +64,7 @@ class Posterior(ABC):
     def step(self, gradients: Tensor, kl_weight: float) -> None:
         """One step of L on the TD error plus kl_weight times the divergence.
 
-        gradients: (R, C, n, d), those of the TD error at the last n of the weights sampled last,
+        gradients: (R, C, n, d), of the TD error at the last n of the weights sampled last,
         each divided by their number.
         """
         count = gradients.shape[2]
