@@ -6,7 +6,6 @@ from vtlib.learned import Learned
 from vtlib.playing import evaluate, play
 from vtlib.pool import Pool
 from vtlib.qfunctions import MLP, ModuleQ
-from vtlib.stats import mean_interval
 from vtlib.transfer import Settings
 from vtlib.trust import Trust
 
@@ -21,7 +20,6 @@ __all__ = [
     "Settings",
     "Trust",
     "evaluate",
-    "mean_interval",
     "play",
     "resume",
     "solve",

@@ -8,11 +8,11 @@ const LIVE = { transfer: "this run", fine: "fine-tuning", none: "no transfer" };
 
 const lambdaOf = (power) => (power > ZERO ? Number((10 ** power).toPrecision(6)) : 0);
 
-/* What the kernel is asked for, by what the controls hold; a Gaussian has one component. */
+/* What the kernel is asked for, by what the controls hold; a Gaussian has one component, the recommended method three. */
 function chosen({ family, power, psi, components, sources, seed, pool, task, fine, none }) {
   return {
     family, task, fine, none, lambda: lambdaOf(Number(power)), psi: Number(psi), sources: Number(sources), pool: Number(pool),
-    components: family === "GVT" ? 1 : Number(components),
+    components: { GVT: 1, Trust: 3 }[family] ?? Number(components),
     seed: Math.min(SEEDS - 1, Math.max(0, Math.round(seed) || 0)),
   };
 }
@@ -158,16 +158,17 @@ class Panel {
     });
   }
 
-  /* The thesis' lambda of a family, and components only where there is a choice. */
+  /* The thesis' lambda of a family, and controls only where there is a choice: the recommended method has none. */
   setFamily() {
-    const { family, power, components } = this.form;
-    power.value = Math.log10(this.setup.settings[family.value].lambda_);
-    components.disabled = family.value === "GVT";
+    const { family, power, psi, components } = this.form, trusts = family.value === "Trust";
+    if (!trusts) power.value = Math.log10(this.setup.settings[family.value].lambda_);
+    power.disabled = psi.disabled = trusts;
+    components.disabled = family.value !== "MGVT";
   }
 
   /* Puts the controls where a preset or a link says; each holds what it is given to its range. */
   set({ family, task, ...numbers }) {
-    if (family) this.form.family.value = family === "GVT" ? family : "MGVT";
+    if (family) this.form.family.value = ["GVT", "Trust"].includes(family) ? family : "MGVT";
     this.setFamily();
     for (const name of NUMBERS) this.form[name].value = numbers[name] ?? this.form[name].value;
     if (task) this.stage.set(task);
@@ -186,8 +187,9 @@ class Panel {
   }
 
   get choice() {
-    const { fine, none } = this.form, { task } = this.stage, held = Object.fromEntries(new FormData(this.form));
-    return chosen({ ...held, task, fine: fine.checked, none: none.checked });
+    const { family, fine, none } = this.form, { task } = this.stage;
+    const held = Object.fromEntries(NUMBERS.map((name) => [name, this.form[name].value]));
+    return chosen({ ...held, family: family.value, task, fine: fine.checked, none: none.checked });
   }
 
   /* The numbers of the task that a reader sets. */
@@ -206,7 +208,8 @@ class Panel {
   copy() {
     const { cell, experiments, iterations } = this.setup, { choice } = this;
     const texts = { ...choice, iterations, experiment: experiments[choice.pool], task: this.task.join(", ") };
-    const text = cell.replace(/\$(\w+)/g, (_, name) => texts[name]), shown = this.find(".cell pre");
+    const lines = choice.family === "Trust" ? cell.replace(/ +(lambda_|psi|components)=.*\n/g, "") : cell;
+    const text = lines.replace(/\$(\w+)/g, (_, name) => texts[name]), shown = this.find(".cell pre");
     shown.textContent = text;
     shown.parentElement.hidden = false;
     getSelection().selectAllChildren(shown);
@@ -230,7 +233,7 @@ class Panel {
       form[name].nextElementSibling.textContent = text;
       form[name].setAttribute("aria-valuetext", text);
     }
-    this.setting = `${choice.family}, λ = ${power}, ψ = ${psi}, ${choice.sources} sources`;
+    this.setting = `${choice.family}, ${choice.family === "Trust" ? "" : `λ = ${power}, ψ = ${psi}, `}${choice.sources} sources`;
     this.chart.marks.replaceChildren();
     this.find(".cell").hidden = true;
     this.send({ ...first, chosen: choice, rate: 0 });
@@ -278,10 +281,12 @@ class Panel {
     this.say(iteration ? `${end} at ${grouped(iteration)}: learning return ${value}; ${goal}.` : "Ready.");
   }
 
-  showNumbers({ iteration, speed, arrival, episodes, learning, seeds, bands }) {
+  showNumbers({ iteration, speed, arrival, episodes, learning, seeds, bands, plays }) {
     const texts = { arrival: arrival ? `at ${grouped(arrival)}` : "not yet", greedy: measured(this.greedy) };
     for (const [name, number] of Object.entries({ iteration, episodes, speed })) texts[name] = grouped(number);
     for (const [name, text] of Object.entries(texts)) this.find(`.facts .${name}`).textContent = text;
+    const who = plays && (plays.sources ? "a source plays" : "what was learned plays");
+    this.find(".plays").textContent = plays ? `${who}; another source is of this task’s kind: ${plays.trust.toFixed(2)}` : "";
     const own = Object.entries(learning).map(([name, y]) => {
       const mean = bands && bands[name].mean.at(-1);
       return { name, label: bands ? `${name === "transfer" ? "this setting" : LIVE[name]}, ${seeds} seeds ${measured(mean)}` : `${LIVE[name]} ${measured(y)}` };

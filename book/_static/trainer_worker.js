@@ -2,7 +2,8 @@
    here are the prior, what is read off a run, and the messages to and from the panel. */
 "use strict";
 
-const PLACES = ["settings", "means", "sources", "precision", "factors", "reached", "observation"];
+const PLACES = ["settings", "means", "sources", "precision", "factors", "reached", "observation", "driver", "stage", "wheel"];
+const BEGUN = 64, NORMAL = 1.349; // steps that are only remembered, and deviations between a normal law's quartiles
 
 /* Pool of sources (count x weights) from integers, each source with its own scale. */
 function decodePool(integers, scales) {
@@ -68,6 +69,13 @@ function gaussianPrior(sources, jitter, variance, ddof) {
   return { mean, W, factor: cholesky(mean.length, covariance) };
 }
 
+/* The recommended method's settings in the units of its sources (vtlib/units.py); eta is its curvature there. */
+function inUnits({ alpha_mu, scale, deviation, eta }, sources) {
+  const unit = Math.sqrt(averageOf(sources.map((w) => averageOf(w.map((x) => x * x)))));
+  const narrow = deviation * unit;
+  return { alpha_mu: alpha_mu * unit, scale: scale / unit, deviation: narrow, variance: narrow ** 2, weight: 1 / (eta * unit) };
+}
+
 /* One run in an instance of the kernel. setup: the kernel's fields in its order, how many weights and
    numbers of a state there are, and how far first weights spread; base: values of those fields, and the algorithm's name; chosen: {task,
    lambda, psi, components, seed}; sources: what is transferred. A learner (family 0) starts from their
@@ -80,8 +88,8 @@ class Run {
     this.steps = this.arrival = this.episodes = 0;
     this.learning = NaN;  // mean return of the last episodes, once one has ended
     this.base = base;
-    this.settings = { ...base };
-    if (base.family) Object.assign(this.settings, { lambda_: chosen.lambda, psi: chosen.psi });
+    this.settings = { ...base, ...(base.eta && inUnits(base, sources)) };
+    if (base.init && !base.eta) Object.assign(this.settings, { lambda_: chosen.lambda, psi: chosen.psi });
     if (base.name === "MGVT") this.settings.components = chosen.components;
     this.hand(sources, uniforms(chosen.seed));
     const view = new DataView(this.kernel.memory.buffer), at = this.at("settings");
@@ -91,6 +99,8 @@ class Run {
     this.task = numbers + 4 * fields.numbers.length;
     this.setTask(chosen.task);
     this.kernel.begin_run(chosen.seed);
+    if (base.eta) Object.assign(this, { record: new Record(sources.length), uniform: uniforms(~chosen.seed) });
+    this.choose();
     this.path = [Array.from(this.floats("observation", states))];
   }
 
@@ -125,8 +135,29 @@ class Run {
     if (settings.equal) settings.sources = 1;  // only their mean matters
     const factors = this.floats("factors", starts.length * weights ** 2);
     for (let i = 0; i < factors.length; i++) {
-      if (i % weights ** 2 % (weights + 1) === 0) factors[i] = Math.sqrt(this.base.variance);
+      if (i % weights ** 2 % (weights + 1) === 0) factors[i] = Math.sqrt(settings.variance);
     }
+  }
+
+  /* Puts weights at the wheel; the most that they expect from here. */
+  drive(weights) {
+    const wheel = this.floats("wheel", 16 * this.weights);
+    weights.forEach((w, i) => { wheel[16 * i] = w; });
+    return this.kernel.promise();
+  }
+
+  /* Who plays the next episode: a source, or what is learned. */
+  choose() {
+    const { record, sources, uniform } = this;
+    if (!record) return;
+    const tops = sources.map((w) => this.drive(w)).sort((a, b) => a - b);
+    const [low, promise, high] = [0.25, 0.5, 0.75].map((share) => {
+      const at = share * (tops.length - 1), below = tops[Math.floor(at)];
+      return below + (at % 1) * (tops[Math.ceil(at)] - below);
+    });
+    const arm = record.choose(this.steps >= BEGUN, uniform(), normals(sources.length, uniform));
+    Object.assign(this, { promise, promised: (high - low) / NORMAL, driven: arm < sources.length });
+    if (this.driven) this.drive(sources[arm]);
   }
 
   setTask(numbers) {
@@ -134,13 +165,15 @@ class Run {
   }
 
   advance() {
-    const ended = this.kernel.iterate_run();
+    const ended = this.kernel.iterate_run(Boolean(this.driven));
     this.steps++;
     this.path.push(Array.from(this.floats("reached", this.states)));
     if (ended === this.arrives) this.arrival ||= this.steps;
     if (!ended) return;
     this.episodes++;
     this.learning = this.kernel.learning();
+    this.record?.add(this.kernel.earned(), this.promise, this.promised);
+    this.choose();
     this.last = this.path;
     this.path = [Array.from(this.floats("observation", this.states))];
   }
@@ -272,6 +305,7 @@ class Training {
       running, iteration: transfer.steps, episodes: transfer.episodes, arrival: transfer.arrival,
       path: transfer.path, last: transfer.last, curves: this.curves, speed: this.speed,
       seeds: this.finished.length, bands: this.finished.length > 1 && bandsOf(this.finished),
+      plays: transfer.record && { sources: transfer.driven, trust: transfer.record.trust },
       learning: Object.fromEntries(Object.entries(this.runs).map(([k, r]) => [k, r.learning])),
       ...(look && { maps: typeof mapsOf === "function" && mapsOf(transfer), greedy: transfer.kernel.greedy(10) }),
     });

@@ -19,9 +19,9 @@ from vtbook.comparisons import ratio_interval, spread_interval
 from vtbook.experiments.mountain_car import floor_of
 from vtbook.published import PublishedCurve, curves
 from vtlab.experiment import Experiment
+from vtlab.stats import Interval, mean_interval
 from vtlab.store import returns
 from vtlib.rng import generator
-from vtlib.stats import Interval, mean_interval
 
 REPRODUCED, NOT = "reproduced", "not reproduced"
 UNDECIDED, STRONGER = "undecided", "stronger than claimed"

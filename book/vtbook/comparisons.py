@@ -5,8 +5,8 @@ from numpy import ndarray
 from numpy.random import Generator
 from scipy import stats
 
+from vtlab.stats import Interval, checked_runs
 from vtlib.checks import shown
-from vtlib.stats import Interval, checked_runs
 
 
 def student_interval(centre: float, error: float, freedom: int) -> Interval:

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from xarray import Dataset
 
-from vtlib.stats import Interval, mean_interval
+from vtlab.stats import Interval, mean_interval
 
 SOLVED = 0.9  # of the way from the floor to its own optimum a run has to earn
 

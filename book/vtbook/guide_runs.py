@@ -18,11 +18,11 @@ from gymnasium.envs.toy_text.frozen_lake import generate_random_map
 
 from vtlab import store
 from vtlab.permutation import same_distribution_p
+from vtlab.stats import difference_interval
 from vtlib import evaluate, solve, transfer
 from vtlib.baselines import DDQNSettings, FineTuning, MellowTDSettings
 from vtlib.qfunctions import MLP
 from vtlib.rng import generator
-from vtlib.stats import difference_interval
 
 RUNS, SEED, SOLVED = 10, 3, 1  # fixed before any of the runs was looked at
 WAYS = ("from nothing", "best source", "fine-tuned", "transfer")

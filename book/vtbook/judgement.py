@@ -8,7 +8,7 @@ from attrs import frozen
 from vtbook.comparisons import holm, paired_p
 from vtbook.experiments.compared import mean_shares
 from vtbook.experiments.trust import LOSS, OURS, PARTED, PLACES, Place
-from vtlib.stats import Interval, difference_interval
+from vtlab.stats import Interval, difference_interval
 
 LEVEL = 0.05
 

@@ -8,8 +8,8 @@ from xarray import Dataset
 from vtbook.experiments import rooms
 from vtbook.published import rows
 from vtlab.experiment import Experiment
+from vtlab.stats import Interval, mean_interval
 from vtlab.store import load, returns
-from vtlib.stats import Interval, mean_interval
 
 AT = (500, 1_000, 4_000)  # iterations
 EDGES = np.linspace(0.2, 1.0, 5)  # upper ones, of the likelihood over its largest

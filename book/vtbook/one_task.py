@@ -13,6 +13,7 @@ from vtlab.envs.base import TaskFamily
 from vtlab.experiment import Experiment
 from vtlab.registry import named
 from vtlib.transfer import Settings
+from vtlib.trust import Trust
 
 # What a reader copies from a panel; a name after a dollar stands for what the panel has.
 CELL = """\
@@ -53,14 +54,14 @@ def one_task(
     """An experiment whose runs all learn one task, with the algorithms of a page's panel.
 
     name: the experiment whose sources and settings these are. task: the doors (W,) of rooms, else
-    the numbers that tell a task of the family apart. family: "GVT" or "MGVT"; changes are fields
-    of its settings. Its sources and random numbers are those of the seed.
+    the numbers that tell a task of the family apart. family: "GVT", "MGVT" or "Trust"; changes are
+    fields of its settings. Its sources and random numbers are those of the seed.
     """
     (base,) = named(name)
     settings = learners(base)[family]
-    assert isinstance(settings, Settings)
+    assert isinstance(settings, Settings | Trust)
     chosen = evolve(settings, **changes)
-    label = "GVT" if family == "GVT" else f"{chosen.components}-MGVT"
+    label = f"{chosen.components}-MGVT" if family == "MGVT" else family
     return evolve(
         base,
         name=f"{name}-one-task",

@@ -13,8 +13,8 @@ from vtbook.costs import Cost, cost
 from vtbook.experiments.mountain_car import floor_of
 from vtbook.experiments.protocols import Protocols
 from vtlab.experiment import SOURCES
+from vtlab.stats import Interval
 from vtlab.store import load, path_of, provenance, results_of, returns
-from vtlib.stats import Interval
 
 RECORD = "application/papermill.record/"  # by which the book finds a number for its text
 

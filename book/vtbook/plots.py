@@ -27,7 +27,7 @@ from xarray import Dataset
 from vtbook.costs import steps_to_solve
 from vtbook.narrow_figures import narrow, panels_of
 from vtbook.published import PublishedCurve
-from vtlib.stats import mean_interval
+from vtlab.stats import mean_interval
 
 # After Okabe and Ito: told apart with any colour vision, and seen on light pages and dark ones.
 COLOURS = {

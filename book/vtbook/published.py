@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vtlib.stats import Interval
+from vtlab.stats import Interval
 
 FOLDER = Path(__file__).resolve().parents[1] / "published"
 

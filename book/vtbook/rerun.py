@@ -15,10 +15,10 @@ from vtbook import plots
 from vtbook.tables import words
 from vtlab.experiment import Algorithm, Experiment
 from vtlab.run import run_batch
+from vtlab.stats import Interval, mean_interval
 from vtlab.store import returns, weights
 from vtlab.workers import processors
 from vtlib.checks import check_one_of, check_whole
-from vtlib.stats import Interval, mean_interval
 
 NEW = "#000000"
 Arrays = dict[str, np.ndarray]

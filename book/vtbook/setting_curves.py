@@ -9,7 +9,7 @@ from matplotlib.transforms import Bbox
 from xarray import Dataset
 
 from vtbook.plots import COLOURS, STYLES, BookFigure, drawn
-from vtlib.stats import mean_interval
+from vtlab.stats import mean_interval
 
 HEIGHT = 12.0  # of a title's line, in points
 FONT = "'DejaVu Sans', Verdana, sans-serif"  # of the book's figures, and one as wide

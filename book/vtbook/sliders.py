@@ -14,7 +14,7 @@ from vtbook.plots import look, power_of_ten, returns_figure
 from vtbook.setting_curves import Frame
 from vtbook.tables import words
 from vtlab.experiment import Experiment
-from vtlib.stats import Interval
+from vtlab.stats import Interval
 from vtlib.transfer import Settings
 
 LEARNING, NARROW = {"learning return": "learning"}, 4.1  # inches, to be read on a phone

@@ -9,10 +9,19 @@ from attrs import evolve, field, frozen
 from vtbook.experiments.cartpole import CARTPOLE, CARTPOLE_NOTHING
 from vtbook.experiments.mountain_car import CAR, CAR_NOTHING
 from vtbook.experiments.protocols import FROM_MEAN, transfer_settings
-from vtbook.experiments.rooms import NT, NT_GREEDY, PUBLISHED_GVT, PUBLISHED_MGVT
+from vtbook.experiments.rooms import (
+    NT,
+    NT_GREEDY,
+    PUBLISHED_GVT,
+    PUBLISHED_MGVT,
+    ROOMS_EVALUATION,
+)
 from vtlab.experiment import Algorithm, Experiment
 from vtlib.baselines import FineTuning, MellowTDSettings
 from vtlib.transfer import Settings
+from vtlib.trust import Trust
+
+Method = Settings | MellowTDSettings | Trust
 
 
 @frozen
@@ -33,7 +42,8 @@ class Stage:
     networks need sixteen bits: with eight the sources of mountain car drive worse.
     """
 
-    algorithms: dict[str, Settings | MellowTDSettings]
+    algorithms: dict[str, Method]
+    published: Experiment
     scripts: tuple[str, ...]
     template: str
     changes: str
@@ -44,7 +54,7 @@ class Stage:
     numbers: tuple[Number, ...]
     shown: Mapping[str, str] = field(factory=dict)
     weights: type[np.signedinteger[Any]] = np.int16
-    worker: str = ""
+    workers: tuple[str, ...] = ()
     note: str = ""
 
 
@@ -58,20 +68,28 @@ def _with_networks(published: Experiment, nothing: Experiment, **fields: Any) ->
     """The stage of an experiment whose sources are networks; fine-tuning hardly explores."""
     learner = nothing.algorithms["NT"]
     assert isinstance(learner, MellowTDSettings)
-    algorithms: dict[str, Settings | MellowTDSettings] = {
+    algorithms: dict[str, Method] = {
         "MGVT": transfer_settings(published, "1-MGVT"),
         "GVT": transfer_settings(published, "GVT"),
+        "Trust": Trust(),
         "NT": learner,
         "fine": evolve(learner, epsilon_start=learner.epsilon_end),
     }
     template, changes = "stage_drive.html", "the task changes"
-    return Stage(algorithms, template=template, changes=changes, note=MELLOW, **fields)
+    return Stage(algorithms, published, template=template, changes=changes, note=MELLOW, **fields)
 
 
 # As published, where the thesis' figures begin.
 STAGES = {
     "rooms": Stage(
-        {"MGVT": PUBLISHED_MGVT, "GVT": PUBLISHED_GVT, "NT": NT, "fine": NT_GREEDY},
+        {
+            "MGVT": PUBLISHED_MGVT,
+            "GVT": PUBLISHED_GVT,
+            "Trust": Trust(),
+            "NT": NT,
+            "fine": NT_GREEDY,
+        },
+        ROOMS_EVALUATION.published,
         scripts=("stage_rooms.js",),
         template="stage_rooms.html",
         changes="a door moves",
@@ -82,7 +100,7 @@ STAGES = {
         ticks=(0.0, 0.2, 0.4, 0.6, 0.8),
         numbers=(Number("Lower door", 0.5, 9.5, 0.1), Number("Upper door", 0.5, 9.5, 0.1)),
         weights=np.int8,
-        worker="stage_rooms_worker.js",
+        workers=("stage_rooms_worker.js",),
     ),
     "cartpole": _with_networks(
         CARTPOLE.published,
@@ -125,7 +143,7 @@ STAGES = {
 }
 
 
-def learners(experiment: Experiment) -> dict[str, Settings | MellowTDSettings]:
+def learners(experiment: Experiment) -> dict[str, Method]:
     """The algorithms of an experiment's panel; that without transfer is its own, if it has one."""
     stage = STAGES[experiment.family.kernel]
     nothing = experiment.algorithms.get("NT", stage.algorithms["NT"])

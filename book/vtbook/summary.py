@@ -12,7 +12,7 @@ from vtbook.experiments.maze import MAZE_NOTHING, MAZE_TARGETS
 from vtbook.experiments.mountain_car import CAR, CAR_NOTHING
 from vtbook.tables import PROTOCOLS, tally
 from vtbook.verdicts import PAGES
-from vtlib.stats import Interval, mean_interval
+from vtlab.stats import Interval, mean_interval
 
 
 @functools.cache

@@ -10,7 +10,7 @@ import numpy as np
 from vtbook.claims import VERDICTS, Claim
 from vtbook.costs import Cost
 from vtlab.experiment import Experiment
-from vtlib.stats import Interval
+from vtlab.stats import Interval
 
 Row = Sequence[str]
 

@@ -9,22 +9,26 @@ from string import Template
 from typing import Any
 
 import numpy as np
-from attrs import frozen
+from attrs import evolve, frozen
 from xarray import Dataset
 
 from vtbook.browser_panel import panel, static
+from vtbook.checkpoints import pauses
 from vtbook.one_task import CELL, optimum
 from vtbook.panel_chart import BOX, axes, stored
 from vtbook.plots import COLOURS
-from vtbook.stages import STAGES, Number, learners
+from vtbook.stages import STAGES, Method, Number, learners
 from vtlab.envs.base import TaskFamily
 from vtlab.experiment import Experiment
 from vtlab.native.build import page_module
-from vtlab.native.runs import INTEGERS, NUMBERS, kernel_settings
+from vtlab.native.runs import FIXED, INTEGERS, NUMBERS, kernel_settings
+from vtlab.run import prepare
 from vtlab.store import weights
-from vtlib.baselines import MellowTDSettings
 from vtlib.priors import SPAN_JITTER
+from vtlib.training import arithmetic
 from vtlib.transfer import Settings
+from vtlib.trust import Trust, Trusting
+from vtlib.units import FIRST
 
 
 @frozen
@@ -47,11 +51,15 @@ class Preset:
         )
 
 
+CURVATURES = 4  # runs that tell the curvature
+FAMILIES = {"GVT": "GVT", "1-MGVT": "MGVT", "trust": "Trust"}
+NAMES = {"trust": "Trust"}
+
 THESIS = Preset("thesis’ settings", "", {"psi": 0.5, "components": 1})
 
 
 def mean_curves(runs: Mapping[str, Dataset], until: int) -> list[dict[str, Any]]:
-    """Mean learning returns of stored runs of GVT and 1-MGVT up to an iteration.
+    """Mean learning returns of stored runs of GVT, 1-MGVT and trust up to an iteration.
 
     A panel shows that of the family it trains.
     """
@@ -60,8 +68,8 @@ def mean_curves(runs: Mapping[str, Dataset], until: int) -> list[dict[str, Any]]
         mean = runs_of.learning.sel(iteration=slice(None, until)).mean("run")
         curves.append(
             {
-                "label": f"{label}, mean of {runs_of.sizes['run']} stored runs",
-                "family": label.removeprefix("1-"),
+                "label": f"{NAMES.get(label, label)}, mean of {runs_of.sizes['run']} stored runs",
+                "family": FAMILIES[label],
                 "colour": COLOURS[label],
                 "iterations": mean.iteration.values.tolist(),
                 "values": mean.values.round(3).tolist(),
@@ -94,7 +102,9 @@ def train_here(
     numbers = stage.numbers[: len(task)]
     setup = {
         "fields": {"integers": INTEGERS.split(), "numbers": NUMBERS.split()},
-        "settings": {name: _settings(name, s) for name, s in learners(experiment).items()},
+        "settings": {
+            name: _settings(name, s, family.kernel) for name, s in learners(experiment).items()
+        },
         "scales": [float(f"{x:.6g}") for x in scales],
         "pools": len(pools),
         "bits": 8 * pool.itemsize,
@@ -113,7 +123,7 @@ def train_here(
         "every": iterations // 200,
         "wasm": b64encode(code).decode(),
         "pool": b64encode(pool.tobytes()).decode(),
-        "worker": static("trainer_worker.js") + (stage.worker and static(stage.worker)),
+        "worker": "".join(map(static, ("promises.js", "trainer_worker.js", *stage.workers))),
         "experiments": [e.name for e in (experiment, other) if e],
         "cell": CELL,
     }
@@ -173,10 +183,32 @@ def quantised(
     return integers.astype(integers.dtype.newbyteorder("<")), scales
 
 
-def _settings(name: str, s: Settings | MellowTDSettings) -> dict[str, Any]:
-    """The kernel's settings of an algorithm, and where its posterior starts."""
-    settings = {**kernel_settings(s), "name": name}
-    if isinstance(s, Settings):
-        variance = SPAN_JITTER if s.init == "span" else 1 / settings["scale"]
-        settings.update(init=s.init, variance=variance, ddof=s.ddof)
+def _settings(name: str, method: Method, kernel: str) -> dict[str, Any]:
+    """The kernel's settings of a method, and where its posterior starts."""
+    if isinstance(method, Trust):
+        inner = _settings(name, method.in_units, kernel)
+        fixed = {"family": FIXED, "updates": method.updates, "eta": _curvature(kernel)}
+        return {**inner, **fixed, "deviation": inner["variance"] ** 0.5}
+    settings = {**kernel_settings(method), "name": name}
+    if isinstance(method, Settings):
+        variance = SPAN_JITTER if method.init == "span" else 1 / settings["scale"]
+        settings.update(init=method.init, variance=variance, ddof=method.ddof)
     return settings
+
+
+@functools.cache
+def _curvature(kernel: str) -> float:
+    """The curvature of the TD error in a stage's tasks, of which the recommended method learns.
+
+    The page holds the median of some runs, because it says only how much the prior counts beside
+    a transition, and after some episodes that is nothing.
+    """
+    published = STAGES[kernel].published
+    experiment = evolve(published, algorithms={"trust": Trust()}, counts={})
+    batch = prepare(experiment, "trust", range(CURVATURES), weights(published.pool))
+    with arithmetic():
+        list(pauses(batch, [2 * FIRST]))
+    assert isinstance(batch.agent, Trusting)
+    state = batch.agent.state()
+    unit = state["sources"].square().mean((1, 2))
+    return float((state["curvature"].flatten() / unit).median())

@@ -5,7 +5,7 @@ import scipy
 from numpy import ndarray
 from numpy.random import Generator
 
-from vtlib.stats import checked_runs
+from vtlab.stats import checked_runs
 
 
 def same_distribution_p(a: ndarray, b: ndarray, rng: Generator, draws: int = 10_000) -> float:

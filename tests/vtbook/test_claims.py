@@ -9,7 +9,7 @@ from xarray import Dataset
 from vtbook import claims
 from vtbook.claims import NOT, REPRODUCED, STRONGER, UNDECIDED, Claim, Figure, Printed, Runs
 from vtbook.published import PublishedCurve
-from vtlib.stats import Interval, mean_interval
+from vtlab.stats import Interval, mean_interval
 
 WAVE = np.array([1.0, -1, 1, -1, 1, -1, 1, -1])  # without a mean
 HALF = float(mean_interval(WAVE).high)

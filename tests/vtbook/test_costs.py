@@ -5,7 +5,7 @@ import pytest
 from xarray import Dataset
 
 from vtbook.costs import cost, steps_to_solve
-from vtlib.stats import mean_interval
+from vtlab.stats import mean_interval
 
 POOL = Dataset(
     # the second kept what it had after 300, and was trained to its limit twice

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from vtlib.stats import Interval
+from vtlab.stats import Interval
 
 
 @pytest.fixture

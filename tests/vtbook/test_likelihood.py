@@ -9,7 +9,7 @@ from xarray import Dataset
 
 from vtbook import likelihood
 from vtbook.experiments import rooms
-from vtlib.stats import mean_interval
+from vtlab.stats import mean_interval
 
 PUBLISHED = rooms.ROOMS_LIKELIHOOD.published
 EACH = PUBLISHED.runs_per_task

@@ -14,6 +14,7 @@ from vtlab.envs.rooms import RoomsFamily
 from vtlab.permutation import same_distribution_p
 from vtlab.run import by_kernels, chosen_sources, run_batch, targets
 from vtlab.store import weights
+from vtlib.trust import Trust
 
 TOLD = {"sources": 2, "iterations": 500, "seed": 3, "psi": 0.5, "components": 1}
 TASKS = {
@@ -32,6 +33,13 @@ def test_every_run_learns_the_reader_s_task_by_the_kernels(name, task):
     assert list(here.algorithms) == ["GVT", "fine-tuned mean", "NT"]
     assert all(by_kernels(here, label) for label in here.algorithms)
     assert (here.algorithms["GVT"].lambda_, here.sources) == (0.0, 2)
+
+
+def test_the_recommended_method_is_a_setting_too():
+    told = {"sources": 2, "iterations": 500, "seed": 3}
+    here = one_task("mountain-car", TASKS["mountain-car"], "Trust", **told)
+    assert here.algorithms["Trust"] == Trust()
+    assert list(here.algorithms) == ["Trust", "fine-tuned mean", "NT"]
 
 
 def test_runs_of_a_setting_are_distributed_as_the_page_s(node):

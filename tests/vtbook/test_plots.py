@@ -16,7 +16,7 @@ from xarray import Dataset
 from vtbook import plots
 from vtbook.plots import COLOURS, STYLES
 from vtbook.published import PublishedCurve
-from vtlib.stats import mean_interval
+from vtlab.stats import mean_interval
 
 # Full dichromacy, acting on linear RGB: Machado, Oliveira and Fernandes (2009), table 1.
 VISION = {

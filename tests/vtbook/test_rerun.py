@@ -14,9 +14,9 @@ from vtbook import rerun
 from vtbook.experiments.rooms import ROOMS_EVALUATION, ROOMS_EXPLORATION, ROOMS_SOURCES
 from vtbook.page import Page
 from vtbook.rerun import try_settings
+from vtlab.stats import mean_interval
 from vtlab.store import returns
 from vtlab.workers import processors
-from vtlib.stats import mean_interval
 
 ROOMS, HERE, LABEL = ROOMS_EVALUATION.published, ROOMS_SOURCES.published, "1-MGVT-from-2"
 OWN = HERE.algorithms[LABEL]

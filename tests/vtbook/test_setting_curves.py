@@ -9,7 +9,7 @@ from xarray import Dataset
 
 from vtbook.plots import look, returns_figure
 from vtbook.setting_curves import Frame
-from vtlib.stats import mean_interval
+from vtlab.stats import mean_interval
 
 LIMITS = (0.0, 1.0)
 

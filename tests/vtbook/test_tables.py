@@ -7,7 +7,7 @@ import pytest
 
 from vtbook import tables
 from vtbook.claims import NOT, REPRODUCED, STRONGER, UNDECIDED, Claim
-from vtlib.stats import Interval
+from vtlab.stats import Interval
 
 
 def rows_of(html):

@@ -18,6 +18,7 @@ from vtbook.experiments.cartpole import CARTPOLE
 from vtbook.experiments.mountain_car import CAR
 from vtbook.experiments.protocols import FROM_MEAN
 from vtbook.experiments.rooms import PUBLISHED_GVT, ROOMS_CHANGE, ROOMS_EVALUATION, ROOMS_LIKELIHOOD
+from vtbook.experiments.trust import PLACES
 from vtbook.stages import STAGES
 from vtbook.zero_shot import greedy_returns
 from vtlab.native.build import PAGES, compile_page, page_module
@@ -26,6 +27,7 @@ from vtlab.permutation import same_distribution_p
 from vtlab.run import chosen_sources, prepare, targets
 from vtlab.store import load, returns, weights
 from vtlib.baselines import DDQNSettings, MellowTDSettings
+from vtlib.promises import Record
 
 bs4 = pytest.importorskip("bs4")
 HERE = Path(__file__).resolve().parent / "trainer"
@@ -110,6 +112,39 @@ def test_runs_in_the_page_are_distributed_as_those_of_the_engine(experiment, lab
         assert same_distribution_p(x, y, np.random.default_rng(0)) > 1e-3
 
 
+@pytest.mark.parametrize("place", [PLACES[0], PLACES[3]], ids=lambda x: x.title)
+def test_the_recommended_method_earns_in_the_page_what_stored_runs_do(place, node):
+    experiment, end, count = place.experiment, 500, RUNS
+    drawn = targets(experiment, range(count))
+    each = [experiment.family.kernel_parameters(drawn, row) for row in range(count)]
+    sources = load(experiment, "tasks").sources.values[:count].tolist()
+    told = {"family": "Trust", "components": 3}
+    runs = [{**told, "task": each[i], "indices": sources[i], "seed": i} for i in range(count)]
+    html = trainer.train_here(experiment, TASKS[experiment.family.kernel])
+    here = [run[0] for run in json.loads(node(html, "runs.js", json.dumps([runs, end])))]
+    stored = returns(experiment, "trust").learning.sel(iteration=end).values[:count]
+    p = same_distribution_p(np.array(here), stored, np.random.default_rng(0))
+    assert p > 1e-3
+
+
+def test_the_page_chooses_who_plays_as_the_library_does(node):
+    rng, told, chosen = np.random.default_rng(0), [], []
+    for count in (1, 3, 10):
+        for keep in (0.0, 0.5, 1.0):
+            record, episodes = Record(count), []
+            for episode in range(70):
+                coin, normal = rng.uniform(), rng.standard_normal(count)
+                record.choose(episode > 2, coin, normal)
+                kept = rng.uniform() < keep
+                earned = (float(rng.normal(0.8 if kept else 0.1, 0.1)), 0.8, 0.2)
+                record.add(*earned)
+                episodes.append([episode > 2, coin, normal.tolist(), earned])
+            told.append([count, episodes])
+            chosen.append(record.played)
+    html = trainer.train_here(EVALUATION, (2.0, 8.0))
+    assert json.loads(node(html, "choices.js", json.dumps(told))) == chosen
+
+
 def test_a_page_grows_by_little_and_holds_the_sources_and_the_kernels_settings():
     # whatever a setup says cannot end its script
     start = {"family": "</script><b>", "sources": 2.5}
@@ -158,9 +193,11 @@ def test_sources_drive_as_well_as_before_they_were_rounded(experiment):
 def test_the_kernel_has_room_for_all_that_the_controls_offer():
     most = re.findall(r'name="(\w+)" min="1" max="(\d+)"', static("trainer.html"))
     assert dict(most) == {"components": f"{MOST_COMPONENTS}", "sources": f"{MOST_SOURCES}"}
-    for settings in (x for stage in STAGES.values() for x in stage.algorithms.values()):
-        assert settings.minibatch <= 512
-        assert getattr(settings, "n_samples", 1) < LANES
+    for method in (x for stage in STAGES.values() for x in stage.algorithms.values()):
+        settings, updates = getattr(method, "in_units", method), getattr(method, "updates", 1)
+        samples = getattr(settings, "n_samples", 1) + 1
+        assert updates * settings.minibatch <= 512
+        assert updates * getattr(settings, "components", 1) * samples <= LANES * MOST_COMPONENTS
         assert settings.buffer <= 50_000
 
 
@@ -208,6 +245,7 @@ def test_a_reader_moves_the_doors_trains_and_sees_transfer_pay(opened, page):
     lower, upper = panel.get_by_role("slider", name="Lower door"), panel.locator(".door").last
     lower.drag_to(panel.locator(".map"))
     assert float(lower.get_attribute("aria-valuenow")) > 3
+    assert lower.evaluate("door => getComputedStyle(door).outlineStyle") == "none"
     upper.press("ArrowLeft")
     assert upper.get_attribute("aria-valuenow") == "7.9"
     shown = trained(panel)
@@ -290,6 +328,20 @@ def test_a_cart_and_a_car_train_better_than_without_transfer_and_are_driven(name
         shows(panel, ".drove", f"{who}. It (balanced|fell|arrived|never).*return")
     assert panel.locator(".plane .now").get_attribute("points").count(",") > 5
     assert not page.foreign
+
+
+def test_the_recommended_method_says_who_plays_and_has_nothing_to_set(opened, page):
+    panel = opened("mountain_car")
+    shows(panel, ".says", "^Ready")
+    panel.get_by_label("Trust").check()
+    assert panel.get_by_label("lambda").is_disabled()
+    shown = trained(panel)
+    assert shown["transfer"] > shown["none"] + 5
+    shows(panel, ".plays", "plays; another source is of this task’s kind: 0.[5-9]")
+    panel.get_by_role("button", name="Copy as Python").press("Enter")
+    cell = panel.locator(".cell pre").inner_text()
+    assert '"Trust",\n    sources=10' in cell
+    assert link_of(page).startswith("panel=Trust_")
 
 
 def test_who_drives_is_seen_while_training_goes_on(opened, page):

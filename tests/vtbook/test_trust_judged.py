@@ -9,8 +9,8 @@ from vtbook.experiments import EXPERIMENTS
 from vtbook.experiments.trust import JUDGED, LOSS, OURS, PARTED, PLACES
 from vtbook.judgement import Contrast, contrasts, parted
 from vtlab.run import run_batch
+from vtlab.stats import Interval
 from vtlab.store import results_folder
-from vtlib.stats import Interval
 
 
 def test_no_stream_was_used_before():

@@ -4,8 +4,8 @@ from vtbook.claims import EARLY, MIXTURES, OPTIMAL, TRANSFER, Claim, Figure, Run
 from vtbook.experiments.cartpole import CARTPOLE, CARTPOLE_OTHER_SOURCES
 from vtbook.experiments.mountain_car import CAR
 from vtbook.zero_shot import zero_shot
+from vtlab.stats import mean_interval
 from vtlab.store import weights
-from vtlib.stats import mean_interval
 
 START = 600  # iterations of mountain car: every run has ended an episode
 AGAINST = ("DDQN",)

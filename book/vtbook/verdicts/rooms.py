@@ -22,8 +22,8 @@ from vtbook.comparisons import slope_interval
 from vtbook.experiments import rooms
 from vtbook.experiments.grids import count_name
 from vtbook.published import PublishedCurve, rows
+from vtlab.stats import Interval, difference_interval, mean_interval
 from vtlab.store import load
-from vtlib.stats import Interval, difference_interval, mean_interval
 
 DOOR = 5.0  # of every target in section 6.1.3
 CLEAR = 0.75  # of the moves: halfway from no direction to always

@@ -3,14 +3,17 @@
 #pragma once
 #include "factor.h"
 
-enum Family { LEARNER, GAUSSIAN, MIXTURE };  // a learner is mellow TD without transfer
+// A learner is mellow TD without transfer; of a fixed mixture the means alone are learned.
+enum Family { LEARNER, GAUSSIAN, MIXTURE, FIXED };
 constexpr int MOST_COMPONENTS = 3, MOST_SOURCES = 10, WINDOW = 50;
 
-// Plain numbers, by the names of vtlib.transfer.Settings.
+// Plain numbers, by the names of vtlib.transfer.Settings. weight is that of the TD error, and deviation
+// that of a fixed mixture; updates are the gradient steps for each step of the task.
 struct Settings {
   int32_t family, components, sources, n_samples, minibatch, buffer, equal, diagonal_kl, epsilon_steps;
+  int32_t updates, patience;
   float lambda, psi, kappa, gamma, alpha_mu, alpha_L, sigma_min, clip, kl_clip, scale;
-  float epsilon_start, epsilon_end, task[5];  // what tells the task apart
+  float epsilon_start, epsilon_end, weight, deviation, task[5];  // what tells the task apart
 };
 
 // Random numbers of each role, as many as the iterations ask for.
@@ -50,6 +53,10 @@ template <class Task> void sample(Run<Task> &run, int c, const float *noise, boo
   for (int i = 0; i < D; i++)
     for (int k = 0; k < count; k++) run.upcoming[i][k] = noise[k * D + i];
   const Settings &s = run.s;
+  if (s.family == FIXED) {
+    for (int i = 0; i < D; i++) at(run.samples[c][i]) = run.mu[c][i] + s.deviation * at(run.upcoming[i]);
+    return;
+  }
   int sources = s.family == GAUSSIAN ? s.sources : 0;
   Descent f = {D, s.n_samples, sources, s.diagonal_kl, s.alpha_L, s.sigma_min, s.clip, s.kl_clip, s.scale};
   step_and_multiply(f, run.L[c], run.W[0], run.WL[0], run.next[0], run.gradient, run.z[c][0],
@@ -150,16 +157,43 @@ template <class Task> void begin(Run<Task> &run, float *L, const float *noise, c
   }
 }
 
-// Iterations of a run: act, step, learn.
-template <class Task> void iterate(Run<Task> &run, int iterations, Random random) {
+// One gradient step on a minibatch.
+template <class Task> void learn(Run<Task> &run, Random &random, const double *powers) {
   constexpr int D = Task::D;
   const Settings &s = run.s;
-  double powers[2] = {power_of(0.9, run.steps), power_of(0.999, run.steps)};
   alignas(64) float pull[MOST_COMPONENTS][padded(D)], slope[padded(D)];
+  if (s.family == LEARNER) {
+    Task::td_gradients(run, 0, random.replay, 1);
+    for (int j = 0; j < D; j++) slope[j] = run.gradient[j][0];
+    adam(run, 0, slope, powers);
+    copy_means(run);
+  } else {
+    float weight = s.lambda / run.steps;
+    pull_of_prior(run, pull);
+    for (int c = 0; c < s.components; c++) {
+      Task::td_gradients(run, c, random.replay, s.weight / (s.components * s.n_samples));
+      for (int j = 0; j < D; j++) {
+        slope[j] = weight * pull[c][j];
+        for (int k = 1; k <= s.n_samples; k++) slope[j] += run.gradient[j][k];
+      }
+      adam(run, c, slope, powers);
+      sample(run, c, random.noise, true, weight / s.components);
+      random.noise += (s.n_samples + 1) * D;
+    }
+  }
+  random.replay += s.minibatch;
+}
+
+// Iterations of a run: act, step, learn. Weights at the wheel act in place of a sample.
+template <class Task>
+void iterate(Run<Task> &run, int iterations, Random random, const float (*wheel)[LANES] = nullptr) {
+  const Settings &s = run.s;
+  int64_t taken = run.steps > s.patience ? s.updates * (run.steps - s.patience) : 0;
+  double powers[2] = {power_of(0.9, taken), power_of(0.999, taken)};
   for (int i = 0; i < iterations; i++) {
     typename Task::Transition &t = run.memory[run.steps % s.buffer];
     int acting = s.components > 1 ? (int)(*random.component++ * s.components) : 0;
-    t.action = Task::greedy(run.samples[acting], run.observation);
+    t.action = Task::greedy(wheel ? wheel : run.samples[acting], run.observation);
     if (s.family == LEARNER) {
       float progress = (float)run.steps / s.epsilon_steps;
       progress = progress < 1 ? progress : 1;
@@ -177,27 +211,10 @@ template <class Task> void iterate(Run<Task> &run, int iterations, Random random
       begin_episode(run, random.start);
     }
     random.start += Task::START;
-    powers[0] *= 0.9, powers[1] *= 0.999;
-    if (s.family == LEARNER) {
-      Task::td_gradients(run, 0, random.replay, 1);
-      for (int j = 0; j < D; j++) slope[j] = run.gradient[j][0];
-      adam(run, 0, slope, powers);
-      copy_means(run);
-    } else {
-      float weight = s.lambda / run.steps;
-      pull_of_prior(run, pull);
-      for (int c = 0; c < s.components; c++) {
-        Task::td_gradients(run, c, random.replay, 1.0f / (s.components * s.n_samples));
-        for (int j = 0; j < D; j++) {
-          slope[j] = weight * pull[c][j];
-          for (int k = 1; k <= s.n_samples; k++) slope[j] += run.gradient[j][k];
-        }
-        adam(run, c, slope, powers);
-        sample(run, c, random.noise, true, weight / s.components);
-        random.noise += (s.n_samples + 1) * D;
-      }
+    for (int update = 0; update < s.updates && run.steps > s.patience; update++) {
+      powers[0] *= 0.9, powers[1] *= 0.999;
+      learn(run, random, powers);
     }
-    random.replay += s.minibatch;
   }
 }
 

@@ -100,13 +100,14 @@ template <class Body, int IN, int HIDDEN, int OUT> struct Network {
     }
   }
 
-  static int greedy(const float (*w)[LANES], const float *observation) {
+  static int greedy(const float (*w)[LANES], const float *observation, float *most = nullptr) {
     Lanes x[IN], q[OUT];
     int best = 0;
     for (int i = 0; i < IN; i++) x[i] = all(observation[i]);
     values(w, 0, x, q);
     for (int a = 1; a < OUT; a++)
       if (q[a][0] > q[best][0]) best = a;
+    if (most) *most = q[best][0];
     return best;
   }
 

@@ -10,7 +10,7 @@ typedef uint32_t Words __attribute__((vector_size(64)));
 alignas(64) static unsigned char memory[sizeof(Run<Task>) + MOST_BUFFER * sizeof(Task::Transition)];
 static Run<Task> &run = *(Run<Task> *)memory;
 alignas(64) static float noise[MOST_COMPONENTS * LANES * D], uniforms[LANES + BATCH], motion[LANES];
-alignas(64) static float factors[MOST_COMPONENTS * D * D], driver[D][LANES];
+alignas(64) static float factors[MOST_COMPONENTS * D * D], driver[D][LANES], wheel[D][LANES];
 static float reached[Task::OBS], stage[Task::OBS];
 static Task::Transition latest;
 static struct { Words word[4]; } generator;
@@ -47,16 +47,17 @@ __attribute__((noinline)) static Lanes normal() {
 }
 
 static Random draw() {
-  int normals = run.s.family == LEARNER ? 0 : run.s.components * (run.s.n_samples + 1) * D;
+  int normals = run.s.family == LEARNER ? 0 : run.s.updates * run.s.components * (run.s.n_samples + 1) * D;
   for (int i = 0; i < normals; i += LANES) at(noise + i) = normal();
-  for (int i = 0; i < LANES + run.s.minibatch; i += LANES) at(uniforms + i) = uniform();
+  for (int i = 0; i < LANES + run.s.updates * run.s.minibatch; i += LANES) at(uniforms + i) = uniform();
   at(motion) = normal();
   return {noise, uniforms, uniforms + LANES, motion, uniforms + 1, uniforms + 3};
 }
 
 // Where a page writes what a run begins with, or a driver, and reads what became of them.
 extern "C" void *place(int what) {
-  void *const places[] = {&run.s, run.mu, run.sources, run.W, factors, reached, run.observation, driver, stage};
+  void *const places[] = {&run.s,          run.mu, run.sources, run.W, factors, reached,
+                          run.observation, driver, stage,       wheel};
   return places[what];
 }
 
@@ -70,16 +71,24 @@ extern "C" void begin_run(uint32_t seed) {
   begin(run, factors, random.noise, random.start);
 }
 
-// One iteration; whether the episode goes on (0), is over in time (1), or by what happened (2).
-extern "C" int iterate_run() {
+// One iteration, of the weights at the wheel if they are to act; whether the episode goes on (0), is over
+// in time (1), or by what happened (2).
+extern "C" int iterate_run(int driven) {
   for (int i = 0; i < Task::OBS; i++) reached[i] = run.observation[i];
-  iterate(run, 1, draw());
+  iterate(run, 1, draw(), driven ? wheel : nullptr);
   // where the step led: an episode's last state is overwritten by the first of the next
   typename Task::Transition t = run.memory[(run.steps - 1) % run.s.buffer];
   bool terminated = Task::move(run.s, reached, motion, t);
   return run.time ? 0 : 1 + terminated;
 }
 extern "C" float learning() { return learning_return(run); }
+extern "C" float earned() { return run.returns[(run.finished - 1) % WINDOW]; }
+// The most that the weights at the wheel expect from where the run is.
+extern "C" float promise() {
+  float most;
+  Task::greedy(wheel, run.observation, &most);
+  return most;
+}
 extern "C" void unpack(int c) { copy_factor<false>(D, factors + c * D * D, run.L[c]); }
 
 // One step on the stage, by an action, or by the driver's greedy one if that is negative: the action,

@@ -78,11 +78,13 @@ struct Rooms {
     }
   }
 
-  static int greedy(const float (*w)[LANES], const float *position) {
+  // The best action of the first sample, and its value.
+  static int greedy(const float (*w)[LANES], const float *position, float *most = nullptr) {
     Features f = features(position);
     int best = 0;
     for (int a = 1; a < ACTIONS; a++)
       if (value(w, f, a)[0] > value(w, f, best)[0]) best = a;
+    if (most) *most = value(w, f, best)[0];
     return best;
   }
 

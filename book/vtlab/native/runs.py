@@ -25,17 +25,20 @@ from vtlib.rng import generator
 from vtlib.training import check_finite
 from vtlib.transfer import Settings
 
-LEARNER, GAUSSIAN, MIXTURE = range(3)
+LEARNER, GAUSSIAN, MIXTURE, FIXED = range(4)
 LANES, MOST_COMPONENTS, MOST_SOURCES, MOST_BATCH, WINDOW = 16, 3, 10, 512, 50
 MOST_PARAMETERS = 5  # of a task
 DISCOUNT = 0.99  # as all families have it
 LINE = 64  # bytes that a cache line has, at multiples of which the kernel's arrays lie
 AHEAD = 16  # iterations whose random numbers are drawn at a time
 NO_CLIP = 3e38
-INTEGERS = "family components sources n_samples minibatch buffer equal diagonal_kl epsilon_steps"
+INTEGERS = (
+    "family components sources n_samples minibatch buffer equal diagonal_kl epsilon_steps "
+    "updates patience"
+)
 NUMBERS = (
     "lambda_ psi kappa gamma alpha_mu alpha_L sigma_min clip kl_clip scale "
-    "epsilon_start epsilon_end"
+    "epsilon_start epsilon_end weight deviation"
 )
 PLACES = ("settings", "mu", "sources", "W", "L", "observation")  # in the order of runs.cpp
 ROLES = ("posterior", "component", "replay", "noise", "start", "exploration")
@@ -83,6 +86,7 @@ def kernel_settings(algorithm: Any) -> dict[str, Any]:
     """What the kernel needs to know of an algorithm, by the names of its fields there."""
     s = algorithm
     fields = {x: getattr(s, x) for x in f"{INTEGERS} {NUMBERS}".split() if hasattr(s, x)}
+    fields |= {"updates": 1, "weight": 1.0}
     if not s.transfers:
         return {**fields, "family": LEARNER, "components": 1, "alpha_mu": s.alpha, "clip": NO_CLIP}
     gaussian = s.family == "gaussian"

@@ -29,16 +29,17 @@ static float *lines(int64_t floats) {  // whole lines of the cache, as torch's m
 template <class Task> static bool a_run(const float *task) {
   constexpr int D = Task::D;
   Settings s = {};
-  s.family = whole(LEARNER, MIXTURE), s.components = s.family == MIXTURE ? whole(1, MOST_COMPONENTS) : 1;
+  s.family = whole(LEARNER, FIXED), s.components = s.family >= MIXTURE ? whole(1, MOST_COMPONENTS) : 1;
   s.sources = whole(1, MOST_SOURCES), s.n_samples = whole(1, LANES - 1);
   s.minibatch = whole(1, 1 << whole(0, 9));  // mostly small: a large one takes long
-  s.buffer = whole(1, 80), s.equal = s.family == MIXTURE && whole(0, 1), s.diagonal_kl = whole(0, 1);
+  s.buffer = whole(1, 80), s.equal = s.family >= MIXTURE && whole(0, 1), s.diagonal_kl = whole(0, 1);
   if (s.equal) s.sources = 1;
   s.epsilon_steps = whole(1, 100), s.epsilon_start = real(0, 1), s.epsilon_end = real(0, 1);
   s.lambda = real(0, 1), s.psi = whole(0, 2) / 2.0f, s.kappa = real(0.1f, 200), s.gamma = real(0, 0.999f);
   s.alpha_mu = real(1e-4f, 1e-2f), s.alpha_L = real(1e-6f, 1e-2f), s.sigma_min = real(1e-6f, 1e-2f);
   s.clip = whole(0, 1) ? 3e38f : real(1, 1000), s.kl_clip = whole(0, 1) ? 3e38f : real(1, 1000);
-  s.scale = real(1, 1e5f);
+  s.scale = real(1, 1e5f), s.weight = 1, s.deviation = 0.01f;
+  s.updates = s.family == FIXED ? whole(1, 8) : 1, s.patience = s.family == FIXED ? whole(0, 40) : 0;
   std::memcpy(s.task, task, sizeof s.task);
   int64_t bytes = sizeof(Run<Task>) + s.buffer * sizeof(typename Task::Transition);
   void *memory = std::aligned_alloc(64, (bytes + 63) / 64 * 64);
@@ -57,8 +58,8 @@ template <class Task> static bool a_run(const float *task) {
   begin(run, L.data(), noise.data(), start.data());
   for (int done = 0; done < iterations;) {
     int count = whole(1, 16);
-    auto z = numbers((int64_t)count * samples, true), motion = numbers(count * Task::NOISE, true);
-    auto component = numbers(C > 1 ? count : 0, false), replay = numbers(count * s.minibatch, false);
+    auto z = numbers((int64_t)count * s.updates * samples, true), motion = numbers(count * Task::NOISE, true);
+    auto component = numbers(C > 1 ? count : 0, false), replay = numbers(count * s.updates * s.minibatch, false);
     auto starts = numbers(count * Task::START, false);
     auto chance = numbers(s.family == LEARNER ? 2 * count : 0, false);
     iterate(run, count, {z.data(), component.data(), replay.data(), motion.data(), starts.data(), chance.data()});

@@ -1,11 +1,11 @@
 """Summaries over independent runs: the thesis' mean and its interval."""
 
-import functools
 import math
 from typing import NamedTuple
 
 import numpy as np
 from numpy import ndarray
+from scipy.special import stdtrit
 
 
 class Interval(NamedTuple):
@@ -26,39 +26,13 @@ def mean_interval(values: ndarray) -> Interval:
     """
     (values,) = checked_runs(values)
     centre, runs = values.mean(0), len(values)
-    half = student_quantile(runs - 1) * values.std(0, ddof=1) / math.sqrt(runs)
+    half = stdtrit(runs - 1, 0.975) * values.std(0, ddof=1) / math.sqrt(runs)
     return Interval(centre, centre - half, centre + half)
 
 
 def difference_interval(a: ndarray, b: ndarray) -> Interval:
     """Mean of the paired differences a - b over runs (axis 0) with its 95 % interval."""
     return mean_interval(np.subtract(*checked_runs(a, b)))
-
-
-@functools.cache
-def student_quantile(freedom: int) -> float:
-    """The t that 95 % of a Student distribution lie within, of either sign.
-
-    Found by bisection of the finite sum that gives that share for whole degrees of freedom. Source:
-    Abramowitz and Stegun (1964), 26.7.3 and 26.7.4.
-    """
-    low, high = 0.0, math.pi / 2
-    for _ in range(60):
-        middle = (low + high) / 2
-        low, high = (middle, high) if _share_within(middle, freedom) < 0.95 else (low, middle)
-    return math.sqrt(freedom) * math.tan(low)
-
-
-def _share_within(angle: float, freedom: int) -> float:
-    """The share of a Student distribution up to t = sqrt(freedom) tan(angle), of either sign."""
-    first = 1 + freedom % 2  # the sum begins at 2 for odd degrees of freedom, else at 1
-    term, total = (math.cos(angle) if freedom % 2 else 1.0), 0.0
-    for k in range(first, freedom, 2):
-        total += term
-        term *= math.cos(angle) ** 2 * k / (k + 1)
-    if freedom % 2:
-        return 2 / math.pi * (angle + math.sin(angle) * total)
-    return math.sin(angle) * total
 
 
 def checked_runs(*samples: ndarray) -> list[ndarray]:
