@@ -14,6 +14,7 @@ from xarray import Dataset
 
 from vtbook.browser_panel import lean, panel, static
 from vtbook.checkpoints import pauses
+from vtbook.experiments.protocols import FROM_MEAN
 from vtbook.one_task import CELL, optimum
 from vtbook.panel_chart import BOX, axes, stored
 from vtbook.plots import COLOURS
@@ -135,7 +136,7 @@ def train_here(
         data=round(pool.nbytes / 1e3),
         bits=8 * pool.itemsize,
         changes=stage.changes,
-        note=stage.note,
+        note=stage.note if FROM_MEAN in experiment.algorithms else "",
         arrival=stage.arrival,
         last=len(pools) - 1,
         presets="".join(preset.button for preset in presets),
