@@ -18,6 +18,7 @@ from vtlib.playing import evaluate, play
 from vtlib.pool import Pool
 from vtlib.qfunctions import MLP, ModuleQ
 from vtlib.transfer import Settings
+from vtlib.trust import sound
 
 # short runs learn nothing, and solve says so
 pytestmark = pytest.mark.filterwarnings("ignore:runs .* of solve learned nothing")
@@ -106,6 +107,17 @@ def test_a_source_that_keeps_its_promise_is_kept():
     assert (played[0], played.count(1) > 30) == (0, True)
     told = "run 0: 220 steps, sources played 38 of 39 episodes, kept is a source"
     assert str(learned).splitlines()[0] == told
+
+
+def test_a_source_that_has_diverged_is_left_out():
+    huge = 1e3 * torch.randn(1, Q.d, generator=torch.Generator().manual_seed(0))
+    with pytest.warns(UserWarning, match="sources 1 are left out"):
+        learned = transfer([Corridor()], Q, torch.cat([BOTH[:1], huge, BOTH[1:]]), 100)
+    alone = transfer([Corridor()], Q, BOTH, 100)
+    torch.testing.assert_close(learned.weights, alone.weights)
+    torch.testing.assert_close(learned.mu, alone.mu)
+    # of two nobody can tell which is wrong
+    assert sound(torch.cat([BOTH[:1], huge])).all()
 
 
 @pytest.mark.parametrize(

@@ -21,7 +21,7 @@ from vtlib.qfunctions import QFunction
 from vtlib.rng import Rng
 from vtlib.training import Agent, arithmetic, check_finite, iterate
 from vtlib.transfer import Settings, VariationalTransfer
-from vtlib.trust import Trust, Trusting
+from vtlib.trust import Trust, Trusting, sound
 
 EVERY = 100  # iterations from one record to the next
 
@@ -104,8 +104,9 @@ def transfer(
     The default, ``Trust``, plays the sources while they keep their promise and learns meanwhile; in
     the end its returns decide whether what it learned is kept, or the best source. With trials that
     source and what was learned play as many greedy episodes more, which ``steps`` counts, and what
-    was learned is kept where it earns more, and by at least the standard error of the difference.
-    Other settings run alone. Ctrl-C ends the learning and returns what was learned. device: where
+    was learned is kept where it earns more, and by at least the standard error of the difference. A
+    source whose weights are over ten times as large as most is left out, with a warning. Other
+    settings run alone. Ctrl-C ends the learning and returns what was learned. device: where
     posteriors are kept. Raises as ``solve``, and ValueError for missing, bad or misshapen sources,
     one trial, or a device that torch lacks.
     """
@@ -116,6 +117,11 @@ def transfer(
     check_transfer(envs, q, sources, settings, trials, place)
     gamma = (settings.learner if isinstance(settings, FineTuning) else settings).gamma
     name = stream_name("transfer", seed)
+    if isinstance(settings, Trust) and not bool((good := sound(sources)).all()):
+        bad = ", ".join(map(str, (~good).nonzero().flatten().tolist()))
+        fault = f"sources {bad} are left out: their weights are over ten times as large as most"
+        warnings.warn(f"{fault}, as where learning has diverged", stacklevel=3)
+        sources = sources[good]
     shared = sources.detach().expand(len(envs), *sources.shape).to(place)
     episodes, rng = episodes_of(envs, q, name, gamma), Rng(name, range(len(envs)))
     agent = settings.agent(q, shared, episodes.obs_dim, rng)

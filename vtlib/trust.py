@@ -30,6 +30,7 @@ QUARTILES = torch.tensor([0.25, 0.5, 0.75], dtype=torch.float32)
 NORMAL = 1.349  # deviations between the quartiles of a normal law
 PARTS = "played", "trust", "gained", "short"  # of a record
 CLIP = 1.0  # bound on a gradient's entries, which only a run that explodes reaches
+DIVERGED = 10.0  # how many times as large as most sources' the weights of a sound one may be
 
 
 @frozen
@@ -67,6 +68,16 @@ class Trust:
             patience=FIRST,
             responsibilities="equal",
         )
+
+
+def sound(sources: Tensor) -> Tensor:
+    """Which sources (S, d) are sound (S,): not so much larger than most that learning diverged.
+
+    One such source would set the unit of all weights, and the mean that learning starts from. The
+    largest of a sound pool was four times as large as the median.
+    """
+    size = sources.square().mean(1).sqrt()
+    return size <= DIVERGED * size.quantile(0.5)
 
 
 class Trusting:

@@ -24,8 +24,8 @@ FORMULAS = formulas()
 
 
 def modules() -> list[str]:
-    """Dotted names of the public modules of the three packages, packages before what they hold."""
-    names = ["vtlib", "vtlab", "vtbook"]
+    """Dotted names of the public modules of the two packages, packages before what they hold."""
+    names = ["vtlib", "vtlab"]
     for package in tuple(names):
         path = import_module(package).__path__
         names += [module.name for module in walk_packages(path, f"{package}.")]

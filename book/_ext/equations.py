@@ -41,7 +41,7 @@ EQUATIONS = {
     "eq-5-14": ("vtlib.priors.responsibilities",),
     "eq-5-15": ("vtlib.priors.responsibilities",),
 }
-NAME = re.compile(r"(vtlib|vtlab|vtbook)(\.\w+)+")
+NAME = re.compile(r"(vtlib|vtlab)(\.\w+)+")
 LABELLED = re.compile(r"^ *\$\$\n([^$]*)\n *\$\$ \((eq-\d-\d+)\)", re.MULTILINE)
 
 

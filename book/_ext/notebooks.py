@@ -206,7 +206,7 @@ def online(address: str, name: str) -> dict[str, str]:
 
 
 def add_note(app: Any, doctree: nodes.document, docname: str) -> None:
-    """Say under the title how long the page takes, with links to its notebook and where it runs."""
+    """Say at the end how long the page takes, with links to its notebook and where it runs."""
     data = NbMetadataCollector.get_exec_data(app.env, docname)
     title = doctree.next_node(nodes.title)
     if not data or data.get("runtime") is None or title is None:
@@ -219,7 +219,7 @@ def add_note(app: Any, doctree: nodes.document, docname: str) -> None:
     for place, to in online(app.config.html_theme_options.get("repository_url", ""), name).items():
         note += [nodes.Text(", "), nodes.reference("", place, refuri=to, internal=False)]
     note += nodes.Text(".")
-    title.parent.insert(title.parent.index(title) + 1, note)
+    title.parent += note
 
 
 def write_notebook(app: Any, docname: str, template: str, context: dict, doctree: Any) -> None:

@@ -146,6 +146,7 @@ class Panel {
       button.addEventListener("click", () => {
         this.set(JSON.parse(button.dataset.state));
         this.find(".look").textContent = button.dataset.look;
+        this.running = true;
         this.begin();
       });
     }

@@ -13,7 +13,7 @@ from vtlab.envs.base import TaskBatch
 from vtlab.envs.rooms.plan import plan_rooms
 from vtlab.envs.rooms.tasks import SIDE, Rooms
 from vtlab.experiment import Experiment
-from vtlib.rng import Rng
+from vtlib.rng import Rng, Stream
 from vtlib.td import mellowmax
 from vtlib.training import Agent
 from vtlib.transfer import VariationalTransfer
@@ -59,6 +59,12 @@ class Probe(ABC):
         return {name: torch.stack([x[name] for x in self._noted], 1).numpy() for name in names}
 
 
+def random_pairs(places: Stream, count: int) -> tuple[Tensor, Tensor]:
+    """So many states (R, count, 2) in the rooms and actions (R, count), both uniform."""
+    u = places.uniform(3 * count).view(len(places), count, 3)
+    return SIDE * u[..., :2], (u[..., 2] * Rooms.n_actions).long()
+
+
 class CoverageProbe(Probe):
     """Random pairs of state and action of each run's task, looked at while the runs learn.
 
@@ -73,9 +79,7 @@ class CoverageProbe(Probe):
     ) -> None:
         super().__init__(experiment, label, runs, tasks)
         assert isinstance(tasks, Rooms), "only rooms are planned for every state"
-        u = self._places.uniform(3 * self._count).view(len(runs), self._count, 3)
-        self._obs = SIDE * u[..., :2]
-        self._action = (u[..., 2] * Rooms.n_actions).long()
+        self._obs, self._action = random_pairs(self._places, self._count)
         kappas = None, self._settings.kappa
         rows = torch.arange(self._count)
         truths = [

@@ -12,7 +12,7 @@ import numpy as np
 from attrs import evolve, frozen
 from xarray import Dataset
 
-from vtbook.browser_panel import panel, static
+from vtbook.browser_panel import lean, panel, static
 from vtbook.checkpoints import pauses
 from vtbook.one_task import CELL, optimum
 from vtbook.panel_chart import BOX, axes, stored
@@ -123,7 +123,7 @@ def train_here(
         "every": iterations // 200,
         "wasm": b64encode(code).decode(),
         "pool": b64encode(pool.tobytes()).decode(),
-        "worker": "".join(map(static, ("promises.js", "trainer_worker.js", *stage.workers))),
+        "worker": "".join(map(lean, ("promises.js", "trainer_worker.js", *stage.workers))),
         "experiments": [e.name for e in (experiment, other) if e],
         "cell": CELL,
     }

@@ -1,51 +1,150 @@
-"""Numbers of the pages, drawn at random, computed again with NumPy and the stored files alone."""
+"""Numbers that the pages print, computed again from the stored arrays with NumPy alone."""
 
+import re
 from pathlib import Path
 
 import numpy as np
-import pytest
+from bs4 import BeautifulSoup
 from scipy import stats
 
-from vtbook.claims import Runs
-from vtbook.experiments import THESIS
-
 RESULTS = Path(__file__).resolve().parents[2] / "book" / "results"
+DRAWN, END = 30, 10**6
 FLOOR = -(1 - 0.99**200) / (1 - 0.99)  # the return of a car that never arrives
-DRAWN = 30
+NUMBER = r"[−+-]?\d[\d,.]*%?"
+SHARE, SHARES, COUNT, HALF = r"(\d+%)", r"(\d+%(?: \d+%)+)", r"(\d+)", r"([−+-][\d.]+ ± [\d.]+)"
+RANGE = rf"({NUMBER} \({NUMBER} to {NUMBER}\))"  # a number and its interval
+SAYS, TEXT = (rf".*?{x}: [a-z ]+ {RANGE}" for x in ("As published", "By the equations"))
+ROOMS, OTHER, SEARCH = "rooms-evaluation", "rooms-distribution-change", "rooms-exploration"
+LIKELY, FEW, MEAN = "rooms-likelihood", "rooms-number-of-sources", "fine-tuned mean"
+POLE, CAR, MAZE, PRIOR = "cartpole", "mountain-car", "maze-8", "rooms-evaluation-prior-weight"
+GENTLE = "GVT, weight 0.1", "1-MGVT, weight 0.1"
+NT_OF = {f"maze-{n}": f"maze-{n}-no-transfer" for n in (0, 6, 13)} | {MAZE: "maze-no-transfer"}
 
 
-def arrays(name: str, label: str) -> dict[str, np.ndarray]:
-    with np.load(RESULTS / name / f"{label}.npz") as stored:
-        return dict(stored)
+def stored(name, label, key="learning"):
+    with np.load(RESULTS / name / f"{label}.npz") as arrays:
+        return arrays[key].astype(float)
 
 
-def shares(name: str, label: str) -> tuple[np.ndarray, np.ndarray]:
-    """The iterations and the learning return (R, T), of the way from a floor to the optimum."""
-    stored, floor = arrays(name, label), FLOOR if name.startswith("mountain-car") else 0.0
-    optimum = arrays(name, "tasks")["optimum"].mean()
-    return stored["iterations"], (stored["learning"] - floor) / (optimum - floor)
+def shares(name, label, chosen):
+    floor, optimum = FLOOR * name.startswith(CAR), stored(name, "tasks", "optimum").mean()
+    return (stored(name, label)[:, chosen] - floor) / (optimum - floor)
 
 
-def interval(values: np.ndarray) -> list[float]:
+def at(name, label, t):
+    return shares(name, label, stored(name, label, "iterations") == t)[:, 0]
+
+
+def until(name, label, t=END):
+    return shares(name, label, stored(name, label, "iterations") <= t).mean(1)
+
+
+def interval(values):
     half = stats.t.ppf(0.975, len(values) - 1) * values.std(ddof=1) / len(values) ** 0.5
-    return [values.mean(), values.mean() - half, values.mean() + half]
+    return values.mean(), values.mean() - half, values.mean() + half
 
 
-@pytest.mark.parametrize("number", range(DRAWN))
-def test_a_number_of_a_page_is_what_the_stored_file_says(number):
-    rng = np.random.default_rng([2026, number])
-    name = rng.choice(list(THESIS))
-    labels = [path.stem for path in sorted((RESULTS / name).glob("*.npz")) if path.stem != "tasks"]
-    a, b = rng.choice(labels, 2, replace=False)
-    iterations, ours = shares(name, a)
-    _, others = shares(name, b)
-    at = int(rng.integers(1, len(iterations)))
-    t = int(iterations[at])
-    experiment = THESIS[name]
-    first, second = (Runs.of(experiment, label) for label in (a, b))
-    for found, values in (
-        (first.share(t), ours[:, at]),
-        (first.gain(second, t), ours[:, at] - others[:, at]),
-        (first.gain_until(second, t), (ours - others)[:, : at + 1].mean(1)),
-    ):
-        np.testing.assert_allclose(found, interval(values), atol=2e-6)
+def gain(name, a, b, t=END):
+    return interval(until(name, a, t) - until(name, b, t))
+
+
+def points(name, a, b):
+    centre, low, _ = gain(name, a, b)
+    return 100 * centre, 100 * (centre - low)
+
+
+def mean_at(name, label, t):
+    return at(name, label, t).mean()
+
+
+def mean_until(name, label, *times):
+    return [until(name, label, t).mean() for t in times]
+
+
+def in_mazes(label):
+    return [until(name, label).mean() for name in ("maze-0", "maze-6", MAZE, "maze-13")]
+
+
+def over_mazes(a, b):
+    earned = [[until(NT_OF[m] if x[:2] == "NT" else m, x) for m in NT_OF] for x in (a, b)]
+    return interval(np.subtract(*earned).ravel())
+
+
+def at_six_doors(a, b, t):
+    """A difference at the least likely doors, each with the mean over its twenty runs."""
+    door, own = stored(LIKELY, "tasks", "doors")[:, 0], stored(LIKELY, "tasks", "optimum")
+    gap = (at(LIKELY, a, t) - at(LIKELY, b, t)) * own.mean() / own
+    return interval(gap[(door < 1.6) | (door > 8.4)].reshape(-1, 20).mean(1))
+
+
+def cells(label):
+    """How many unit cells of the lower room each run (R,) visits."""
+    visits = stored(SEARCH, label, "visited")
+    return np.array([len({(min(int(x), 9), int(y)) for x, y in run if y < 5}) for run in visits])
+
+
+def held(label, level):
+    return interval(stored("rooms-calibration", label, "inside")[:, -1, 1, level])
+
+
+# page, words around the number, and what computes it from what
+NUMBERS = [
+    ("index", f"By then it earns {SHARE}", mean_at, ROOMS, "1-MGVT", 5_000),
+    ("index", f"sources change its return by {RANGE}", over_mazes, "1-MGVT", "NT"),
+    ("index", f"comes {SHARE}", mean_until, CAR + "-untouched", "untouched", END),
+    (ROOMS, f"a tenth of the run it has {SHARE}", mean_at, ROOMS, "1-MGVT", 2_000),
+    (ROOMS, rf"it has \d+% , fine-tuning {SHARE}", mean_at, ROOMS, MEAN, 2_000),
+    (ROOMS, f"GVT is ahead of no transfer{SAYS}", gain, ROOMS, "GVT", "NT", 14_900),
+    (ROOMS, f"surpasses GVT{TEXT}", gain, ROOMS + "-equations", "1-MGVT", "GVT", 14_900),
+    (ROOMS, f"1-MGVT earns {RANGE}", gain, ROOMS + "-controls", "1-MGVT", MEAN),
+    (OTHER, f"1-MGVT is clearly ahead{SAYS}", gain, OTHER, "1-MGVT", "GVT", 14_900),
+    (OTHER, f"1-MGVT earns {RANGE}", gain, OTHER + "-controls", "1-MGVT", MEAN),
+    (SEARCH, f"explore by chance {COUNT} do", lambda: (stored(SEARCH, "NT").max(1) > 0).sum()),
+    (SEARCH, f"GVT: cells visited{SAYS}", lambda: interval(cells("1-MGVT") - cells("GVT"))),
+    (LIKELY, f"At 1,000 iterations GVT falls{SAYS}", at_six_doors, "GVT", "1-MGVT", 1_000),
+    (LIKELY, f"fine-tuning of the mean by {RANGE}", at_six_doors, "1-MGVT", MEAN, 1_000),
+    (FEW, f"1-MGVT earns {SHARE}", mean_at, FEW, "1-MGVT-from-2", 1_950),
+    (FEW, f"GVT earns {SHARE} from two", mean_at, FEW, "GVT-from-2", 1_950),
+    (POLE, rf"1-MGVT \d+% {SHARE}", mean_until, POLE, "1-MGVT", END),
+    (POLE, f"1-MGVT is not behind DDQN{SAYS}", gain, POLE, "1-MGVT", "DDQN", 8_900),
+    (CAR, f"After 40,000 1-MGVT has {SHARE}", mean_at, CAR, "1-MGVT", 40_000),
+    (CAR, f"GVT {SHARES} 1-MGVT", mean_until, CAR, "GVT", 5_000, 10_000, END),
+    (CAR, f"1-MGVT learns faster than GVT{SAYS}", gain, CAR, "1-MGVT", "GVT", 39_600),
+    (CAR, f"our GVT comes {SHARE}", mean_at, CAR + "-unchecked", "GVT", 40_000),
+    ("mazes", f"ends at {SHARE}", mean_at, MAZE, "1-MGVT", 20_000),
+    ("mazes", f"1-MGVT {SHARES}", in_mazes, "1-MGVT"),
+    ("mazes", f"guide, minus NT {RANGE}", over_mazes, "NT, guided", "NT"),
+    ("mazes", f"GVT shows negative transfer{SAYS}", gain, MAZE, "GVT", "DDQN", 16_800),
+    ("prior_weight", f"at 0.1: GVT minus 1-MGVT {RANGE}", gain, PRIOR, *GENTLE),
+    ("controls", f"λ = 0 {HALF}", points, ROOMS + "-controls", "1-MGVT", "1-MGVT, lambda 0"),
+    ("controls", f"mean, three rooms {HALF}", points, ROOMS + "-controls", "1-MGVT", MEAN),
+    ("comparison", f"untouched {RANGE}, less", gain, ROOMS + "-compared", "untouched", "1-MGVT"),
+    ("recommended", f"trust: {RANGE}", gain, ROOMS + "-trust", "trust", "recommended"),
+    ("recommended", f"no sources: {RANGE}", gain, MAZE + "-trust", "trust", "NT"),
+    ("calibration", f"1-MGVT’s 95% intervals contain {RANGE}", held, "1-MGVT", 2),
+    ("calibration", f"GVT’s 50% intervals contain {RANGE}", held, "GVT", 0),
+    ("conclusions", f"three rooms 5,000 {RANGE}", gain, ROOMS, "1-MGVT", MEAN, 5_000),
+    ("conclusions", f"cartpole 2,000 {RANGE}", gain, POLE, "1-MGVT", MEAN, 2_000),
+    ("conclusions", f"maze 8 20,000 {RANGE}", gain, MAZE, "1-MGVT", MEAN),
+]
+
+
+def agrees(printed, value):
+    """Whether a number is a value rounded to the digits that are printed."""
+    digits = printed.strip("%.,").replace(",", "").replace("−", "-")
+    value = 100 * value if "%" in printed else value
+    return abs(float(digits) - value) < 0.501 * 10.0 ** -len(digits.partition(".")[2])
+
+
+def test_printed_numbers_are_what_the_stored_files_say(book):
+    wrong = []
+    for i in np.random.default_rng(0).choice(len(NUMBERS), DRAWN, replace=False):
+        page, words, compute, *of = NUMBERS[i]
+        path = book / "book" / f"{page.replace('-', '_')}.html"
+        html = BeautifulSoup(path.read_text(encoding="utf-8"), "html.parser")
+        found = re.search(words, " ".join(html.select_one("article").get_text(" ").split()))
+        printed = re.findall(NUMBER, found[1]) if found else []
+        values = np.ravel(compute(*of))
+        if len(printed) != len(values) or not all(map(agrees, printed, values)):
+            wrong.append(f"{page}: {found[0][-80:] if found else words} is {values}")
+    assert not wrong, "\n".join(wrong)
