@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from attrs import evolve
 
-from vtbook.experiments.compared import ENVIRONMENTS, SPACES, candidate
+from vtbook.experiments.compared import ENVIRONMENTS, FOUR, SPACES, candidate
 from vtbook.experiments.factorial import FACTORIAL, PARTS, ROOMS, effects
 from vtlab.run import run_batch, targets
 from vtlab.store import weights
@@ -33,6 +33,14 @@ def test_a_setting_that_is_out_does_diverge(e):
         one = evolve(runs, algorithms={name: e.candidates(label)[at]})
         with pytest.raises(Diverged, match="not finite"):
             run_batch(one, name, range(tuning.runs), weights(one.pool))
+
+
+@EACH
+def test_four_updates_and_one_share_their_default_and_not_their_draws(e):
+    for label in ("fine-tuned", "1-MGVT", "3-MGVT"):
+        one, four = e.candidates(label), e.candidates(label + FOUR)
+        assert four[0].settings == one[0]
+        assert any(many.settings not in one for many in four[1:])
 
 
 @EACH

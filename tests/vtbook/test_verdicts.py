@@ -12,6 +12,14 @@ BOOK = Path(__file__).parents[2] / "book"
 
 
 @pytest.mark.parametrize("page", verdicts.PAGES)
+def test_claims_that_one_number_decides_count_as_one_fact(page):
+    facts: dict[tuple, set[str]] = {}
+    for claim in verdicts.PAGES[page]():
+        facts.setdefault((claim.measure, *claim.numbers.values()), set()).add(claim.fact)
+    assert all(len(names) == 1 for names in facts.values()), facts
+
+
+@pytest.mark.parametrize("page", verdicts.PAGES)
 def test_every_claim_can_be_told_once_and_the_published_curves_keep_it(page):
     claims = verdicts.PAGES[page]()
     assert len({(claim.text, claim.measure) for claim in claims}) == len(claims) > 0

@@ -54,11 +54,12 @@ def mountain_car() -> list[Claim]:
     """Section 6.2.2, Figure 6.10; shares are of the way from never arriving to the optimum."""
     figure, end = Figure(CAR._asdict(), "mountain-car"), 39_600
     level = "GVT is level with DDQN: it has no significant advantage."
+    negative = "Nor is there negative transfer by {}."
     return [
         *figure.ahead(level, ("GVT",), AGAINST, end, low=0.0, high=0.0),
         *figure.ahead("{} learns faster than {}.", MIXTURES, ("GVT", "DDQN"), end, low=0.0),
         *figure.earns("{} converges to the optimum.", MIXTURES, end, low=OPTIMAL),
         *figure.earns("The jump-start of {} is not great.", MIXTURES, START, high=0.6),
-        figure.leads("1-MGVT starts ahead of DDQN.", "1-MGVT", "DDQN", START, low=0.0),
-        *figure.ahead("Nor is there negative transfer by {}.", ("GVT",), AGAINST, end, low=0.0),
+        # the same number as that of the first claim: one fact, so that it does not count twice
+        *figure.ahead(negative, ("GVT",), AGAINST, end, low=0.0, fact=level),
     ]
