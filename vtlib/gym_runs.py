@@ -16,7 +16,7 @@ from vtlib.baselines import DDQNSettings, FineTuning, MellowTDSettings
 from vtlib.checks import check_kind, check_weights, check_whole, shown
 from vtlib.episodes import GymEpisodes
 from vtlib.learned import Learned
-from vtlib.playing import check_envs, episodes_of, greedy_episodes, stream_name
+from vtlib.playing import check_envs, clear, episodes_of, greedy_episodes, stream_name
 from vtlib.qfunctions import QFunction
 from vtlib.rng import Rng
 from vtlib.training import Agent, arithmetic, check_finite, iterate
@@ -77,7 +77,7 @@ def _with_reached(learned: Learned, start: Tensor, play: Any) -> Learned:
     except ValueError as error:  # learning took long, and an endless episode must not lose it
         warnings.warn(f"what was reached is not known: {error}", stacklevel=4)
         return learned
-    nothing = ~_clear(reached - before)
+    nothing = ~clear(reached - before)
     if bool(nothing.any()):
         runs = ", ".join(map(str, nothing.nonzero().flatten().tolist()))
         fault = f"runs {runs} of solve learned nothing: greedy play earns no more than"
@@ -119,7 +119,7 @@ def transfer(
     name = stream_name("transfer", seed)
     if isinstance(settings, Trust) and not bool((good := sound(sources)).all()):
         bad = ", ".join(map(str, (~good).nonzero().flatten().tolist()))
-        fault = f"sources {bad} are left out: their weights are over ten times as large as most"
+        fault = f"left out are sources [{bad}], whose weights are over ten times as large as most"
         warnings.warn(f"{fault}, as where learning has diverged", stacklevel=3)
         sources = sources[good]
     shared = sources.detach().expand(len(envs), *sources.shape).to(place)
@@ -142,16 +142,9 @@ def _with_the_better(learned: Learned, agent: Trusting, play: Any) -> Learned:
     except KeyboardInterrupt:
         return evolve(learned, interrupted=True)
     gain = ours - theirs
-    improved = _clear(gain)
+    improved = clear(gain)
     weights = torch.where(improved.view(-1, 1, 1), mu, source.expand_as(mu))
     return evolve(learned, weights=weights, steps=learned.steps + took + also, improved=improved)
-
-
-def _clear(gain: Tensor) -> Tensor:
-    """Whether gains (R, episodes) are above 0 on average, and at least by their standard error."""
-    noise = gain.std(1, correction=0) / (gain.shape[1] - 1) ** 0.5
-    clear: Tensor = (gain.mean(1) > 0) & (gain.mean(1) >= noise)
-    return clear
 
 
 def check_run(iterations: object, callback: object, trials: object = 0) -> None:

@@ -97,6 +97,13 @@ def greedy_episodes(
     return Played(returns, undiscounted, lengths)
 
 
+def clear(gain: Tensor) -> Tensor:
+    """Whether gains (R, episodes) are above 0 on average, and at least by their standard error."""
+    noise = gain.std(1, correction=0) / (gain.shape[1] - 1) ** 0.5
+    clear: Tensor = (gain.mean(1) > 0) & (gain.mean(1) >= noise)
+    return clear
+
+
 def check_envs(envs: object) -> None:
     """Raise ValueError unless envs are a sequence of environments."""
     if isinstance(envs, gymnasium.vector.VectorEnv):

@@ -15,8 +15,9 @@ from torch import Tensor
 from vtlib.checks import check_kind, check_name, check_weights, check_whole
 from vtlib.files import TornResult
 from vtlib.learned import Learned, load_arrays, save_arrays
-from vtlib.playing import Played, play
+from vtlib.playing import Played, clear, play
 from vtlib.qfunctions import QFunction, described, from_description
+from vtlib.rng import Rng
 
 EPISODES = 20  # that a source plays before it joins
 
@@ -48,8 +49,9 @@ class Pool:
 
         Of several components the one joins that earns most in env, for neither their mean nor
         their vote is a weight vector that any of them stands for. Its returns are of other
-        episodes. Weights that are in the pool already stay out, with a warning. Raises ValueError
-        for a task's name that is taken, and as ``evaluate``.
+        episodes. Weights that are in the pool already stay out, with a warning; another names those
+        that earn no more than untrained weights do. Raises ValueError for a task's name that is
+        taken, and as ``evaluate``.
         """
         check_name("task", task)
         check_kind("learned", learned, Learned)
@@ -66,7 +68,14 @@ class Pool:
                 fault = f"the weights of {task!r} are those of {source.task!r}"
                 warnings.warn(f"{fault} in the pool already: they are not added", stacklevel=2)
                 return False
-        fresh = play([env], self.q, best.view(1, 1, -1), EPISODES, gamma=gamma, seed=1)
+        untrained = 0.1 * Rng("pool", [0]).stream("initial weights").normal(self.q.d)[0]
+        fresh, before = (
+            play([env], self.q, w.view(1, 1, -1), EPISODES, gamma=gamma, seed=1)
+            for w in (best, untrained)
+        )
+        if not bool(clear(fresh.returns - before.returns)):
+            fault = f"{task!r} earns no more than untrained weights do"
+            warnings.warn(f"{fault}: it joins, but as a source it misleads", stacklevel=2)
         today = datetime.date.today().isoformat()
         self.sources.append(Source(task, best, fresh.returns[0], today))
         return True
