@@ -89,7 +89,7 @@ def held(label, level):
 
 # page, words around the number, and what computes it from what
 NUMBERS = [
-    ("index", f"By then it earns {SHARE}", mean_at, ROOMS, "1-MGVT", 5_000),
+    ("index", f"In the end it earns {SHARE}", mean_at, ROOMS + "-controls", "1-MGVT", 5_000),
     ("index", f"sources change its return by {RANGE}", over_mazes, "1-MGVT", "NT"),
     ("index", f"comes {SHARE}", mean_until, CAR + "-untouched", "untouched", END),
     (ROOMS, f"2,000 steps it has {SHARE}", mean_at, ROOMS + "-controls", "1-MGVT", 2_000),
@@ -99,7 +99,7 @@ NUMBERS = [
     (ROOMS, f"1-MGVT earns {RANGE}", gain, ROOMS + "-controls", "1-MGVT", MEAN),
     (OTHER, f"1-MGVT is clearly ahead{SAYS}", gain, OTHER, "1-MGVT", "GVT", 14_900),
     (OTHER, f"1-MGVT earns {RANGE}", gain, OTHER + "-controls", "1-MGVT", MEAN),
-    (SEARCH, f"explore by chance {COUNT} do", lambda: (stored(SEARCH, "NT").max(1) > 0).sum()),
+    (SEARCH, f"explore by chance, {COUNT} do", lambda: (stored(SEARCH, "NT").max(1) > 0).sum()),
     (SEARCH, f"GVT: cells visited{SAYS}", lambda: interval(cells("1-MGVT") - cells("GVT"))),
     (LIKELY, f"At 1,000 iterations GVT falls{SAYS}", at_six_doors, "GVT", "1-MGVT", 1_000),
     (LIKELY, f"fine-tuning of the mean by {RANGE}", at_six_doors, "1-MGVT", MEAN, 1_000),
