@@ -1,8 +1,8 @@
 """Play the sources while they keep their promise, and learn from all that is seen meanwhile.
 
 ``vtlib.promises`` says which source plays an episode, and when what was learned plays instead. What
-is learned is a mixture of Gaussians whose covariances stay the prior's, so that a step costs as
-much as fine-tuning a few networks.
+is learned is a mixture of Gaussians whose covariances stay the prior's, so that each of its updates
+costs as much as fine-tuning a few networks.
 """
 
 from __future__ import annotations
