@@ -34,7 +34,7 @@ FOREIGN = re.compile(r"^(?!file:|data:|blob:|http://127\.0\.0\.1[:/])")
 # Set to a folder of built pages to test those instead of building the book.
 BUILT = "VTLIB_BOOK_HTML"
 FIRST = "gw0"  # of the processes that share the tests; it starts the build
-LONGEST = "test_lab.py", "test_trainer.py", "test_pages.py"
+LONGEST = "test_lab.py", "test_trainer_in_browser.py", "test_pages.py"
 LOG, STATUS, GROUP = (ROOT / "_build" / f"test-build.{x}" for x in ("log", "status", "group"))
 BUILD_LIMIT = 1800  # seconds
 PATIENCE = 180_000  # milliseconds that a page may take on a busy machine

@@ -55,7 +55,7 @@ def one_task(
 
     name: the experiment whose sources and settings these are. task: the doors (W,) of rooms, else
     the numbers that tell a task of the family apart. family: "GVT", "MGVT" or "Trust"; changes are
-    fields of its settings. Its sources and random numbers are those of the seed.
+    fields of its settings. The seed decides its sources and random numbers.
     """
     (base,) = named(name)
     settings = learners(base)[family]

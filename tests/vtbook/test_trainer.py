@@ -1,4 +1,4 @@
-"""The panel that trains in a page: its parts, its runs against stored ones, and its use."""
+"""The panel that trains in a page: its parts, and its runs against stored ones."""
 
 import json
 import os
@@ -9,15 +9,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
-from attrs import evolve
 
-from vtbook import one_task, trainer
+from vtbook import trainer
 from vtbook.browser_panel import STATIC, static
 from vtbook.checkpoints import pauses
 from vtbook.experiments.cartpole import CARTPOLE
 from vtbook.experiments.mountain_car import CAR
 from vtbook.experiments.protocols import FROM_MEAN
-from vtbook.experiments.rooms import PUBLISHED_GVT, ROOMS_CHANGE, ROOMS_EVALUATION, ROOMS_LIKELIHOOD
+from vtbook.experiments.rooms import ROOMS_CHANGE, ROOMS_EVALUATION, ROOMS_LIKELIHOOD
 from vtbook.experiments.trust import PLACES
 from vtbook.stages import STAGES
 from vtbook.zero_shot import greedy_returns
@@ -113,18 +112,23 @@ def test_runs_in_the_page_are_distributed_as_those_of_the_engine(experiment, lab
 
 
 @pytest.mark.parametrize("place", [PLACES[0], PLACES[3]], ids=lambda x: x.title)
-def test_the_recommended_method_earns_in_the_page_what_stored_runs_do(place, node):
-    experiment, end, count = place.experiment, 500, RUNS
-    drawn = targets(experiment, range(count))
-    each = [experiment.family.kernel_parameters(drawn, row) for row in range(count)]
-    sources = load(experiment, "tasks").sources.values[:count].tolist()
+def test_the_recommended_method_earns_and_learns_in_the_page_as_by_the_engine(place, node):
+    experiment, end, rows = place.experiment, 300, range(RUNS)
+    drawn, pool = targets(experiment, rows), weights(experiment.pool)
+    each = [experiment.family.kernel_parameters(drawn, row) for row in rows]
+    sources = load(experiment, "tasks").sources.values[:RUNS]
     told = {"family": "Trust", "components": 3}
-    runs = [{**told, "task": each[i], "indices": sources[i], "seed": i} for i in range(count)]
+    runs = [{**told, "task": each[i], "indices": sources[i].tolist(), "seed": i} for i in rows]
     html = trainer.train_here(experiment, TASKS[experiment.family.kernel])
-    here = [run[0] for run in json.loads(node(html, "runs.js", json.dumps([runs, end])))]
-    stored = returns(experiment, "trust").learning.sel(iteration=end).values[:count]
-    p = same_distribution_p(np.array(here), stored, np.random.default_rng(0))
-    assert p > 1e-3
+    earned, mu, _ = zip(*json.loads(node(html, "runs.js", json.dumps([runs, end]))), strict=True)
+    batch = prepare(experiment, "trust", rows, pool)
+    list(pauses(batch, [end]))
+    # how far means have moved from their start: steps and updates of another size show there
+    start, there = pool[sources].mean(1, keepdims=True), batch.agent.learned.mu.numpy()
+    moved = [np.linalg.norm(np.array(x) - start, axis=2).mean(1) for x in (mu, there)]
+    stored = returns(experiment, "trust").learning.sel(iteration=end).values[:RUNS]
+    for x, y in ((np.array(earned), stored), moved):
+        assert same_distribution_p(x, y, np.random.default_rng(0)) > 1e-3
 
 
 def test_the_page_chooses_who_plays_as_the_library_does(node):
@@ -207,280 +211,3 @@ def test_curves_are_means_over_stored_runs():
     assert curve["iterations"] == list(range(100, 1_001, 100))
     assert curve["values"] == pytest.approx(runs.learning[:, :10].mean("run").values, abs=1e-3)
     assert curve["family"] == "GVT"
-
-
-def shows(panel, part, pattern):
-    """Wait until the text of a part of the panel has a pattern."""
-    panel.locator(part, has_text=re.compile(pattern)).wait_for()
-
-
-@pytest.fixture
-def opened(book, page):
-    """Opens a page from disk: its panel, ready to train. Nothing may fail on it."""
-
-    def panel_of(name="rooms_evaluation"):
-        file, _, setting = name.partition(".html#")
-        address = (book / "book" / f"{file}.html").as_uri()
-        page.goto(f"{address}#{setting}" if setting else address, wait_until="load")
-        return page.locator(".trainer")
-
-    yield panel_of
-    assert not page.faults
-
-
-def trained(panel):
-    """The learning returns after a training that the reader starts."""
-    shows(panel, ".says", "^Ready")
-    panel.get_by_role("button", name="Run").click()
-    return finished(panel)
-
-
-def finished(panel):
-    """The learning returns in the key of the chart after training, by the name of their run."""
-    shows(panel, ".says", "^Done")
-    names = ("transfer", "fine", "none")
-    texts = {x: panel.locator(f".legend .{x}").inner_text() for x in names}
-    return {x: float(text.split()[-1].replace("−", "-")) for x, text in texts.items()}
-
-
-def test_a_reader_moves_the_doors_trains_and_sees_transfer_pay(opened, page):
-    panel, messages = opened(), []
-    shows(panel, ".says", "^Ready")
-    page.on("console", lambda message: messages.append(message.text))  # not the theme's
-    lower, upper = panel.get_by_role("slider", name="Lower door"), panel.locator(".door").last
-    lower.drag_to(panel.locator(".map"))
-    assert float(lower.get_attribute("aria-valuenow")) > 3
-    assert lower.evaluate("door => getComputedStyle(door).outlineStyle") == "none"
-    upper.press("ArrowLeft")
-    assert upper.get_attribute("aria-valuenow") == "7.9"
-    shown = trained(panel)
-    assert shown["transfer"] > shown["none"] + 0.3
-    ends = {
-        x: panel.locator(f".chart .run.{x}").get_attribute("points").split(",")[-1] for x in shown
-    }
-    assert float(ends["transfer"]) < float(ends["none"]) - 50
-    assert panel.locator(".map .last").get_attribute("points").count(",") > 5
-    assert not messages
-    assert not page.foreign
-
-
-def test_training_stops_at_once_steps_and_begins_anew(opened):
-    panel = opened()
-    shows(panel, ".says", "^Ready")
-    panel.get_by_role("combobox").select_option(label="500 a second")
-    panel.get_by_role("button", name="Run").click()
-    shows(panel, ".iteration", "[1-9]")
-    panel.get_by_role("button", name="Pause").click()
-    shows(panel, ".says", "^Paused")
-    paused = int(panel.locator(".iteration").inner_text().replace(",", ""))
-    panel.get_by_role("button", name="Step").click()
-    shows(panel, ".iteration", f"^{paused + 1:,}$")
-    panel.get_by_label("keep what was learned when a door moves").check()
-    panel.locator(".door").first.press("End")
-    assert panel.locator(".marks line").count() == 1
-    panel.get_by_label("psi").press("ArrowRight")
-    shows(panel, ".says", "^Ready")
-    assert panel.locator(".iteration").inner_text() == "0"
-
-
-SEEN = """shown => {
-  window.seen = [];
-  const look = () => window.seen.push(Number(shown.innerText.replace(",", "")));
-  new MutationObserver(look).observe(shown, { childList: true });
-}"""
-
-
-def test_where_motion_is_not_wanted_the_panel_moves_every_500_iterations_alone(opened, page):
-    page.emulate_media(reduced_motion="reduce")
-    panel = opened()
-    shows(panel, ".says", "^Ready")
-    panel.locator(".iteration").evaluate(SEEN)
-    panel.get_by_role("combobox").select_option(label="500 a second")
-    panel.get_by_role("button", name="Run").click()
-    shows(panel, ".iteration", "^1,[0-4]")
-    assert [t // 500 for t in page.evaluate("seen")] == [1, 2]
-
-
-def test_where_motion_is_not_wanted_who_drives_is_seen_at_the_end_alone(opened, page):
-    page.emulate_media(reduced_motion="reduce")
-    panel = opened("mountain_car")
-    shows(panel, ".says", "^Ready")
-    panel.get_by_label("at the wheel").select_option(label="source 1")
-    panel.get_by_role("button", name="Drive").click()
-    shows(panel, ".drove", "source 1. It arrived after .*return")
-
-
-def test_without_vector_instructions_the_panel_says_so(opened, page):
-    page.add_init_script("WebAssembly.validate = () => false")
-    panel = opened()
-    assert "SIMD" in panel.locator(".says").inner_text()
-    assert panel.locator(".go").is_disabled()
-
-
-@pytest.mark.parametrize("name", ["cartpole", "mountain_car"])
-def test_a_cart_and_a_car_train_better_than_without_transfer_and_are_driven(name, opened, page):
-    panel = opened(name)
-    shown = trained(panel)
-    assert shown["transfer"] > shown["none"] + 3
-    slider, wheel = panel.locator(".task input").first, panel.get_by_label("at the wheel")
-    slider.press("ArrowRight")
-    shows(panel, ".says", "^Ready")
-    for who in ("source 1", "the sources’ mean", "a draw from the posterior", "you"):
-        wheel.select_option(label=who)
-        panel.get_by_role("button", name="Drive").click()
-        if who == "you":
-            page.keyboard.down("ArrowRight")
-        shows(panel, ".drove", f"{who}. It (balanced|fell|arrived|never).*return")
-    assert panel.locator(".plane .now").get_attribute("points").count(",") > 5
-    assert not page.foreign
-
-
-def test_the_recommended_method_says_who_plays_and_has_nothing_to_set(opened, page):
-    panel = opened("mountain_car")
-    shows(panel, ".says", "^Ready")
-    panel.get_by_label("Trust").check()
-    assert panel.get_by_label("lambda").is_disabled()
-    shown = trained(panel)
-    assert shown["transfer"] > shown["none"] + 5
-    shows(panel, ".plays", "plays; another source is of this task’s kind: 0.[5-9]")
-    panel.get_by_role("button", name="Copy as Python").press("Enter")
-    cell = panel.locator(".cell pre").inner_text()
-    assert '"Trust",\n    sources=10' in cell
-    assert link_of(page).startswith("panel=Trust_")
-
-
-def test_who_drives_is_seen_while_training_goes_on(opened, page):
-    panel = opened("mountain_car")
-    shows(panel, ".says", "^Ready")
-    panel.get_by_role("combobox", name="speed").select_option(label="50 a second")
-    panel.get_by_role("button", name="Run").click()
-    shows(panel, ".drove", "In training")
-    panel.get_by_role("button", name="Drive").click()
-    shows(panel, ".drove", "At the wheel")
-    before = panel.locator(".iteration").inner_text()
-    page.wait_for_timeout(500)
-    assert panel.locator(".iteration").inner_text() != before
-    assert "At the wheel" in panel.locator(".drove").inner_text()
-
-
-def test_two_rooms_have_one_door_and_ten_seeds_are_drawn_with_their_mean_and_band(opened):
-    panel = opened("rooms_exploration")
-    assert panel.locator(".door").count() == 1
-    assert panel.get_by_label("Gaussian (GVT)").is_checked()
-    assert trained(panel)["transfer"] > 0.2
-    panel.get_by_role("button", name="Ten seeds").click()
-    shows(panel, ".says", "^10 seeds: ")
-    shows(panel, ".legend .transfer", r"10 seeds 0\.\d")
-    for part in ("mean", "band"):
-        assert panel.locator(f".chart .{part}.transfer").get_attribute("points").count(",") > 100
-    panel.get_by_role("button", name="Reset").click()
-    shows(panel, ".says", "^Ready")
-    assert not panel.locator(".chart .band.transfer").get_attribute("points")
-
-
-def link_of(page):
-    """The fragment of the page's address, once the panel has settled."""
-    page.wait_for_timeout(500)
-    return page.url.partition("#")[2]
-
-
-def test_the_stories_of_the_first_page_are_as_their_lines_say(opened):
-    panel = opened("index")
-    for name in ("two sources", "sources that mislead"):
-        panel.get_by_role("button", name=name).click()
-        assert "hoose the mixture" in panel.locator(".look").inner_text()
-        assert panel.get_by_label("Gaussian (GVT)").is_checked()
-        assert finished(panel)["transfer"] < 0.05  # a story begins at once
-        panel.get_by_label("mixture (MGVT)").check()
-        assert trained(panel)["transfer"] > 0.7
-    panel.get_by_role("button", name="as published").click()
-    assert panel.get_by_label("number of sources").input_value() == "10"
-    assert panel.get_by_label("mixture (MGVT)").is_checked()
-
-
-def test_a_curve_is_pinned_before_lambda_moves_and_the_thesis_setting_comes_back(opened):
-    panel = opened("mountain_car")
-    trained(panel)
-    keys = panel.locator(".legend li:visible")
-    assert keys.count() == 4
-    drawn = panel.locator(".chart .run.transfer").get_attribute("points")
-    pin, power = panel.get_by_role("button", name="Pin this curve"), panel.get_by_label("lambda")
-    usual = power.get_attribute("aria-valuetext")
-    pin.press("Enter")
-    power.press("Home")
-    shows(panel, ".says", "^Ready")
-    assert power.get_attribute("aria-valuetext") == "0"
-    assert panel.locator(".chart .pinned").get_attribute("points") == drawn
-    assert keys.count() == 4
-    assert f"λ = {usual}" in keys.last.inner_text()
-    pin.press("Enter")
-    assert not panel.locator(".chart .pinned").get_attribute("points")
-    panel.get_by_label("psi").press("End")
-    panel.get_by_role("button", name="thesis’ settings").press("Enter")
-    assert power.get_attribute("aria-valuetext") == usual
-    assert panel.get_by_label("psi").input_value() == "0.5"
-
-
-def test_another_task_is_drawn_and_the_optimum_is_that_of_the_task(opened):
-    panel = opened("mountain_car")
-    shows(panel, ".says", "^Ready")
-    engine, optimum = panel.get_by_label("engine"), panel.locator(".optimum")
-    speeds = set()
-    for _ in range(3):
-        panel.get_by_role("button", name="Another task").click()
-        speed = float(engine.input_value())
-        down = float(re.search(r" ([\d.]+)\)", optimum.get_attribute("transform"))[1])
-        shown = -40 - 50 * (down - 22) / 178
-        assert shown == pytest.approx(one_task.optimum(CAR.published.family, (speed,)), abs=1)
-        assert 0.001 <= speed <= 0.0015
-        speeds.add(speed)
-    assert len(speeds) > 1
-
-
-def test_a_setting_is_linked_from_disk_beside_those_of_sliders(opened, page):
-    panel = opened("rooms_evaluation")
-    shows(panel, ".says", "^Ready")
-    assert not link_of(page)
-    panel.get_by_label("lambda, weight of the KL term, as").press("Home")
-    panel.get_by_label("seed").fill("77")
-    panel.locator(".door").first.press("End")
-    link = link_of(page)
-    assert link == "panel=MGVT_-8.1_0.5_1_10_77_0_9.5_8"
-    page.goto("about:blank")
-    panel = opened(f"rooms_evaluation.html#psi=2&{link}")
-    shows(panel, ".says", "^Ready")
-    assert panel.get_by_label("lambda, weight of the KL term, as").input_value() == "-8.1"
-    assert panel.get_by_label("seed").input_value() == "77"
-    assert panel.locator(".door").first.get_attribute("aria-valuenow") == "9.5"
-    panel.get_by_label("psi, share of the full gradient").last.press("ArrowRight")
-    assert link_of(page).startswith("psi=2&panel=MGVT_-8.1_0.51")
-
-
-def test_a_link_that_makes_no_sense_gives_a_setting_that_can_be_trained(opened, page):
-    panel = opened("index.html#panel=%3Cb%3E_9e9_x_99_-3_1e99_7_x_1e9")
-    shows(panel, ".says", "^Ready")
-    held = [panel.locator(f"[name={x}]").input_value() for x in ("power", "components", "sources")]
-    assert held == ["-1", "3", "1"]
-    doors = panel.locator(".door").evaluate_all("x => x.map(y => y.ariaValueNow)")
-    assert doors == ["5", "9.5"]
-    panel.get_by_role("button", name="Step").click()
-    shows(panel, ".iteration", "^1$")
-
-
-def test_a_setting_is_copied_as_a_cell_that_trains_it(opened):
-    panel = opened("index")
-    shows(panel, ".says", "^Ready")
-    panel.get_by_role("button", name="sources that mislead").click()
-    panel.locator(".door").last.press("ArrowLeft")
-    panel.get_by_label("lambda").press("Home")
-    panel.get_by_role("button", name="Copy as Python").press("Enter")
-    cell = panel.locator(".cell pre").inner_text()
-    names = {}
-    exec(cell.replace("iterations=5000", "iterations=100").replace("range(10)", "range(2)"), names)
-    here, runs = names["here"], names["runs"]
-    names["plt"].close("all")
-    settings = evolve(PUBLISHED_GVT, lambda_=0.0)
-    assert here.algorithms["GVT"] == settings
-    assert here.pool.name == "rooms-3-fixed-lower-sources"
-    np.testing.assert_allclose(targets(here, [0]).doors, [[2.0, 7.9]], rtol=1e-6)
-    assert runs["learning"].shape == (2, 50)

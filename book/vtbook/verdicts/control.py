@@ -60,6 +60,6 @@ def mountain_car() -> list[Claim]:
         *figure.ahead("{} learns faster than {}.", MIXTURES, ("GVT", "DDQN"), end, low=0.0),
         *figure.earns("{} converges to the optimum.", MIXTURES, end, low=OPTIMAL),
         *figure.earns("The jump-start of {} is not great.", MIXTURES, START, high=0.6),
-        # the same number as that of the first claim: one fact, so that it does not count twice
+        # The number that decides the first claim decides this one, too, so both count as one fact.
         *figure.ahead(negative, ("GVT",), AGAINST, end, low=0.0, fact=level),
     ]
