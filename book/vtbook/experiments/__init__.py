@@ -12,6 +12,7 @@ from vtbook.experiments import (
     prior_weight,
     rooms,
     trust,
+    trust_search,
 )
 from vtlab.experiment import Experiment
 
@@ -19,7 +20,7 @@ __all__ = ["EXPERIMENTS", "POOLS", "THESIS"]
 
 PAGES = (
     *(rooms, cartpole, mountain_car, maze),
-    *(controls, prior_weight, compared, factorial, trust),
+    *(controls, prior_weight, compared, factorial, trust, trust_search),
 )
 
 
