@@ -27,7 +27,7 @@ WORDS = {
     "mazes": 800,
     "prior_weight": 350,
     "calibration": 600,
-    "controls": 510,
+    "controls": 760,
     "comparison": 500,
     "recommended": 900,
     "guide": 640,
