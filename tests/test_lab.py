@@ -125,8 +125,8 @@ def test_lab_opens_on_the_first_page_lists_the_book_in_its_order_and_each_page_r
 
 
 def test_a_page_without_cells_opens_as_text_and_asks_for_no_kernel(lab, files, page):
-    page.goto(lab(files["errata"]))
-    page.locator(".jp-MarkdownViewer").get_by_role("heading", name="Errata").wait_for()
+    page.goto(lab(files["glossary"]))
+    page.locator(".jp-MarkdownViewer").get_by_role("heading", name="Glossary").wait_for()
     assert page.locator(".jp-Dialog").count() == 0
 
 

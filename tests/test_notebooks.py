@@ -15,7 +15,7 @@ PAGES = sorted(
     for path in BOOK.glob("*.md")
     if "\nkernelspec:" in path.read_text(encoding="utf-8")[:500]
 )
-TEXTS = ["errata", "experiments", "glossary"]
+TEXTS = ["experiments", "glossary"]
 # The packages that come with an installation from a checkout.
 BROUGHT = "vtlib vtlab vtbook torch numpy gymnasium scipy xarray attrs matplotlib IPython"
 MYST = re.compile(r"\{[a-z]+(?::\w+)?\}`|^[`:]{3,}\{|^\([\w-]+\)=$|\$\$ \(", re.MULTILINE)

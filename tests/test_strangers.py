@@ -1,8 +1,7 @@
-"""What others can put in without touching the library: the example of the book, as a module."""
+"""What others can put in without touching the library: an experiment of their own."""
 
 import importlib
 import os
-import re
 import subprocess
 import sys
 from pathlib import Path
@@ -14,8 +13,7 @@ from vtlib.posteriors import COVARIANCES
 
 ROOT = Path(vtlib.__file__).parents[1]
 
-PAGE = ROOT / "book" / "api_experiments.md"
-(CORRIDORS,) = re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
+CORRIDORS = Path(__file__).with_name("corridors.py").read_text(encoding="utf-8")
 
 
 def test_an_experiment_with_a_posterior_of_ones_own_is_run_by_its_name(tmp_path, monkeypatch):

@@ -1,67 +1,54 @@
 """Sphinx extension: the reference of the library, from its docstrings.
 
-A page says which modules it documents, ``<!-- modules: vtlab.envs.* -->``; new files that match
-are documented without further work, but for names after an exclamation mark. Docstrings are plain
-text with a little Markdown, as Gymnasium has it, and become what Sphinx reads; each function is
-followed by its equations.
+The page says what it documents, ``<!-- reference: solve vtlib.td -->``: names that ``vtlib``
+offers, and modules without these names. Docstrings are plain text with a little Markdown and become
+what Sphinx reads; each function is followed by its equations.
 """
 
 from __future__ import annotations
 
-import fnmatch
 import re
 from collections.abc import Iterator
-from importlib import import_module
-from pkgutil import walk_packages
 from typing import Any
 
 import attrs
 from equations import EQUATIONS, formulas
-from sphinx.ext.autosummary import Autosummary
 
-MODULES = re.compile(r"<!-- modules:(.*?)-->", re.DOTALL)
+import vtlib
+
+ASKED = re.compile(r"<!-- reference:(.*?)-->", re.DOTALL)
 FORMULAS = formulas()
 
 
-def modules() -> list[str]:
-    """Dotted names of the public modules of the two packages, packages before what they hold."""
-    names = ["vtlib", "vtlab"]
-    for package in tuple(names):
-        path = import_module(package).__path__
-        names += [module.name for module in walk_packages(path, f"{package}.")]
-    return sorted(name for name in names if "._" not in name)
+def directive(kind: str, name: str, *options: str) -> str:
+    """Markdown by which Sphinx documents one thing."""
+    lines = (f".. auto{kind}:: {name}", *(f"   :{x}" for x in options))
+    return "\n".join(["```{eval-rst}", *lines, "```"])
 
 
-def matching(patterns: str) -> list[str]:
-    """Modules that a pattern names and none after a "!" does, in the order of the patterns."""
-    excluded = [x[1:] for x in patterns.split() if x.startswith("!")]
-    names = dict.fromkeys(name for x in patterns.split() for name in fnmatch.filter(modules(), x))
-    return [name for name in names if not any(fnmatch.fnmatchcase(name, x) for x in excluded)]
+def public(name: str) -> str:
+    """Markdown of a class or function that the library offers, under the name of its home."""
+    thing = getattr(vtlib, name)
+    kind = "class" if isinstance(thing, type) else "function"
+    members = ("members:",) if kind == "class" else ()
+    return directive(kind, f"{thing.__module__}.{name}", *members)
 
 
-def sections(match: re.Match) -> str:
-    """Markdown of a table of modules, and of the section of each: what it defines itself."""
-    names = matching(match[1])
-    rows = "\n".join(f"   {name}" for name in names)
-    parts = [f"```{{eval-rst}}\n.. modules::\n   :nosignatures:\n\n{rows}\n```\n"]
-    options = "   :members:\n   :ignore-module-all:\n"
-    for name in names:
-        directive = f"```{{eval-rst}}\n.. automodule:: {name}\n{options}```\n"
-        parts.append(f"## {name}\n\n{directive}")
-    return "\n".join(parts)
+def module(name: str) -> str:
+    """Markdown of what a module defines and the library does not offer by itself."""
+    others = "exclude-members: " + ", ".join(vtlib.__all__)
+    text = directive("module", name, "members:", "ignore-module-all:", others)
+    return f"### {name}\n\n{text}"
 
 
-def list_modules(app: Any, docname: str, source: list[str]) -> None:
-    """Put the modules that a page asks for in the place of its comment."""
-    source[0] = MODULES.sub(sections, source[0])
+def described(match: re.Match) -> str:
+    """Markdown of everything that a page asks for."""
+    return "\n\n".join(module(x) if "." in x else public(x) for x in match[1].split())
 
 
-class Modules(Autosummary):
-    """A table of modules, also where a package offers a function by the name of its module."""
-
-    def import_by_name(self, name: str, prefixes: list[str | None]) -> tuple[str, Any, Any, str]:
-        """The module, not what its package has under that name."""
-        return name, import_module(name), None, name
+def write_reference(app: Any, docname: str, source: list[str]) -> None:
+    """Put what a page asks for in the place of its comment."""
+    source[0] = ASKED.sub(described, source[0])
 
 
 def inline(line: str) -> str:
@@ -144,10 +131,8 @@ def skip_field(app: Any, what: str, name: str, obj: Any, skip: bool, options: An
 def setup(app: Any) -> dict[str, Any]:
     """Register with Sphinx."""
     app.setup_extension("sphinx.ext.autodoc")
-    app.setup_extension("sphinx.ext.autosummary")
-    app.add_directive("modules", Modules)
     app.setup_extension("sphinx.ext.napoleon")
-    app.connect("source-read", list_modules)
+    app.connect("source-read", write_reference)
     app.connect("autodoc-process-docstring", read_docstring)
     app.connect("autodoc-process-signature", write_defaults)
     app.connect("autodoc-skip-member", skip_field)

@@ -72,6 +72,15 @@ def home(name: str) -> str:
     return ".".join(defined) if all(isinstance(part, str) for part in defined) else name
 
 
+def exists(name: str) -> bool:
+    """Whether the code has something of this name."""
+    try:
+        pkgutil.resolve_name(name)
+    except (AttributeError, ImportError):
+        return False
+    return True
+
+
 def target(objects: dict[str, Any], text: str) -> str | None:
     """The documented object that a piece of code in the text names, if any."""
     name = "Settings" if text.startswith("Settings.") else text.partition("(")[0]
@@ -92,8 +101,8 @@ def link_names(app: Any, doctree: nodes.document, docname: str) -> None:
             where = place.docname, place.node_id
             link = make_refnode(app.builder, docname, *where, literal.deepcopy(), name)
             literal.replace_self(link)
-        elif NAME.fullmatch(text):
-            LOGGER.warning("the reference of the library has no %s", text, location=literal)
+        elif NAME.fullmatch(text) and not exists(text):
+            LOGGER.warning("the code has no %s", text, location=literal)
 
 
 def setup(app: Any) -> dict[str, Any]:

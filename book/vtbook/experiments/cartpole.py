@@ -82,8 +82,6 @@ SOURCES_DDQN = evolve(DDQN, epsilon_steps=int(0.35 * CARTPOLES.iterations))
 OTHER_CARTPOLES = {
     "mellow-separate": evolve(CARTPOLES, common=False, count=20),
     "ddqn-common": evolve(CARTPOLES, settings=SOURCES_DDQN, count=20),
-    # some of these never balance often enough; they count as they are
-    "ddqn-separate": evolve(CARTPOLES, settings=SOURCES_DDQN, common=False, count=20),
 }
 CARTPOLE_OTHER_SOURCES = {
     key: evolve(

@@ -1,23 +1,16 @@
-# Experiments and stored runs
+"""An experiment of one's own: an environment, its record, and a posterior.
 
-These modules lead from a task family to a figure: they train and check sources, compute and store runs, read
-them for the pages, and compute them again.
+A corridor whose goal is on the left or on the right, and an isotropic posterior of fixed width,
+which one line makes known. With ``ours = corridors:EXPERIMENTS`` among the entry points
+*vtlab.experiments* of its package, ``python -m vtlab run ours`` computes its sources and runs.
+"""
 
-## An experiment of your own
-
-The book's experiments are known by an entry point, and so are yours: a module outside the book that is
-installed under the group *vtlab.experiments* is run by `python -m vtlab run`, stored, and verified like them.
-This one brings all that can be brought: an environment of its own, a corridor whose goal is on the left or
-on the right, the record of its task family, and a posterior of its own, isotropic and of fixed width, which
-one line makes known. A test runs it as it stands here.
-
-```python
 import torch
 from attrs import frozen
 
-from vtlib.baselines import DDQNSettings, MellowTDSettings
 from vtlab.envs.base import TaskBatch, TaskFamily
 from vtlab.experiment import Experiment, Pool
+from vtlib.baselines import DDQNSettings, MellowTDSettings
 from vtlib.posteriors import COVARIANCES
 from vtlib.qfunctions import MLP
 from vtlib.transfer import Settings
@@ -85,13 +78,3 @@ ALGORITHMS = {
 }
 SIZE = {"runs": 2, "sources": 2, "iterations": 200, "every": 100}
 EXPERIMENTS = {"mine": Experiment("mine", POOL, POOL.family, ALGORITHMS, **SIZE)}
-```
-
-With `ours = corridors:EXPERIMENTS` among the entry points of its package, `python -m vtlab run ours` computes
-its sources and runs, and `vtlab.store.returns` reads them with the names of their axes.
-
-## Modules
-
-<!-- modules:
-vtlab vtlab.experiment vtlab.sources vtlab.run vtlab.store vtlab.schedule vtlab.* !vtlab.envs*
--->
