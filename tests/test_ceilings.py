@@ -24,7 +24,7 @@ WORDS = {
     "rooms_number_of_sources": 290,
     "cartpole": 430,
     "mountain_car": 590,
-    "mazes": 800,
+    "mazes": 750,
     "prior_weight": 350,
     "calibration": 600,
     "controls": 760,

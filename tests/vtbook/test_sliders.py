@@ -10,9 +10,9 @@ from xarray import Dataset
 from vtbook import claims, sliders, widgets
 from vtbook.claims import Runs
 from vtbook.experiments.grids import POSTERIORS, PSIS, slider_thesis, sliders_of
-from vtbook.experiments.rooms import ROOMS_EVALUATION
+from vtbook.experiments.rooms import ROOMS_EVALUATION_EQUATIONS
 
-AROUND = ROOMS_EVALUATION.equations
+AROUND = ROOMS_EVALUATION_EQUATIONS
 LAMBDAS = (1e-6, 1e-4)
 GRID = sliders_of(AROUND, "grid", 4, 300, LAMBDAS)
 USUAL = (1e-6, 0.5, "1-MGVT")

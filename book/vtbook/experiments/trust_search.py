@@ -74,4 +74,4 @@ SEARCH = {
 }
 (_WIRED,) = (x.experiment for x in PLACES if x.title == "cartpole, two wirings")
 SEARCH["cartpole, two wirings"] = _search(_WIRED, "wired-cartpole-tuning", CHEAP)
-SEARCH["maze 0"] = _search(MAZE_TARGETS[0].published, "maze-0-search", CHEAP)
+SEARCH["maze 0"] = _search(MAZE_TARGETS[0], "maze-0-search", CHEAP)
