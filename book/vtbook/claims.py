@@ -274,11 +274,6 @@ class Figure:
         number = f"learning return{name} at {t:,}, {self._unit}"
         return [self.claim(text, number, lambda a: a.share(t), x, **bounds) for x in labels]
 
-    def leads(self, text: str, label: str, other: str, t: int, **bounds: Any) -> Claim:
-        """A claim about how much more one algorithm earns than another at an iteration."""
-        number = f"{{}} minus {{}} at {t}, {self._unit}"
-        return self.claim(text, number, lambda a, b: a.gain(b, t), label, other, **bounds)
-
     def ahead(
         self, text: str, labels: Iterable[str], others: Iterable[str], end: int, **bounds: Any
     ) -> list[Claim]:

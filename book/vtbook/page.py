@@ -4,7 +4,7 @@ import functools
 from collections.abc import Mapping
 
 import numpy as np
-from IPython.display import HTML, display
+from IPython.display import display
 from matplotlib.figure import Figure
 from xarray import Dataset
 
@@ -13,7 +13,7 @@ from vtbook.costs import Cost, cost
 from vtbook.experiments.mountain_car import floor_of
 from vtlab.experiment import SOURCES, Experiment
 from vtlab.stats import Interval
-from vtlab.store import load, path_of, provenance, results_of, returns
+from vtlab.store import load, returns
 
 RECORD = "application/papermill.record/"  # by which the book finds a number for its text
 
@@ -67,12 +67,6 @@ class Page:
         count, floor = self.experiment.sources_of(label), floor_of(self.experiment)
         without = self.runs["NT" if "NT" in self.runs else "DDQN"]
         return cost(self.sources, count, self.runs[label], without, floor)
-
-    def settings(self) -> HTML:
-        """Every parameter of the stored runs, and what it took to compute them, as tables."""
-        notes = [provenance(path_of(*result)) for result in results_of(self.experiment)]
-        both = tables.settings_table(self.experiment) + tables.cost_table(notes)
-        return HTML(both)  # type: ignore[no-untyped-call]
 
     def rerun(self, *labels: str, runs: int = 2, iterations: int = 500) -> Figure:
         """Compute the first runs of some algorithms anew and draw them over all that are stored.

@@ -22,10 +22,9 @@ def page_claims() -> Mapping[str, list[Claim]]:
 
 
 def counts() -> dict[str, int]:
-    """How many facts have each verdict, how many there are, "all", and "rows" behind them."""
-    pages = page_claims().values()
-    verdicts, rows = tally(pages), sum(not claim.ours for claims in pages for claim in claims)
-    return {**verdicts, "all": sum(verdicts.values()), "rows": rows}
+    """How many facts of the thesis have each verdict, and how many there are, "all"."""
+    verdicts = tally(page_claims().values())
+    return {**verdicts, "all": sum(verdicts.values())}
 
 
 def over_nothing() -> dict[str, Interval]:

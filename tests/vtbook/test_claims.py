@@ -158,7 +158,6 @@ def test_rows_of_one_sentence_are_of_one_fact(figure):
     rows = figure.earns(earns, "AB", 500) + figure.ahead(ahead, "A", "AB", 1_500)
     assert [row.text for row in rows[1:3]] == ["B does well.", "A is ahead of A."]
     assert [row.fact for row in rows] == [earns, earns, ahead, ahead]
-    assert figure.leads("A leads.", "A", "B", 500).fact == "A leads."
 
 
 def test_curves_overlap_where_both_were_recorded_and_their_intervals_meet(figure, monkeypatch):

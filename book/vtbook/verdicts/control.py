@@ -18,7 +18,14 @@ def cartpole() -> list[Claim]:
     of_ddqn = Runs.of(CARTPOLE_OTHER_SOURCES["ddqn-common"], "1-MGVT")
     return [
         *figure.earns("{} starts near the optimum.", TRANSFER, EARLY, low=OPTIMAL),
-        figure.leads("1-MGVT starts ahead of DDQN.", "1-MGVT", "DDQN", EARLY, low=0.0),
+        figure.claim(
+            "1-MGVT starts ahead of DDQN.",
+            f"{{}} minus {{}} at {EARLY}, of the optimum",
+            lambda a, b: a.gain(b, EARLY),
+            "1-MGVT",
+            "DDQN",
+            low=0.0,
+        ),
         Claim(
             "The mean of the prior is near the optimum.",
             "greedy return of the sources' mean before learning, of the optimum",
