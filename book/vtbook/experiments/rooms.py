@@ -200,8 +200,6 @@ ROOMS_CALIBRATION = evolve(
         "GVT": PUBLISHED_GVT,
         "GVT, lambda 1e-6": evolve(PUBLISHED_GVT, lambda_=MGVT.lambda_),
         "1-MGVT": PUBLISHED_MGVT,
-        "GVT, equations": GVT,
-        "1-MGVT, equations": MGVT,
     },
     iterations=10_000,
     every=500,
