@@ -191,22 +191,6 @@ ROOMS_LAMBDAS = (1e-8, 1e-6, 1e-4, 1e-3, 1e-2)
 ROOMS_EVALUATION_SLIDERS = sliders_of(
     ROOMS_EVALUATION, "rooms-evaluation-sliders", 10, 3_000, ROOMS_LAMBDAS
 )
-ROOMS_CHANGE_SLIDERS = sliders_of(
-    ROOMS_CHANGE, "rooms-distribution-change-sliders", 10, 5_000, ROOMS_LAMBDAS
-)
-ROOMS_EXPLORATION_SLIDERS = evolve(
-    sliders_of(ROOMS_EXPLORATION, "rooms-exploration-sliders", 10, 2_000, ROOMS_LAMBDAS),
-    visits=False,
-)
-# One run at each of the published doors.
-ROOMS_LIKELIHOOD_SLIDERS = sliders_of(
-    ROOMS_LIKELIHOOD, "rooms-likelihood-sliders", 19, 2_000, ROOMS_LAMBDAS
-)
-SLIDER_COUNTS = (2, 5, 10)
-ROOMS_SOURCES_SLIDERS = _by_count(
-    sliders_of(_COUNTED, "rooms-number-of-sources-sliders", 10, 1_950, ROOMS_LAMBDAS),
-    SLIDER_COUNTS,
-)
 
 ROOMS_CALIBRATION = evolve(
     ROOMS_EVALUATION,
@@ -216,8 +200,6 @@ ROOMS_CALIBRATION = evolve(
         "GVT": PUBLISHED_GVT,
         "GVT, lambda 1e-6": evolve(PUBLISHED_GVT, lambda_=MGVT.lambda_),
         "1-MGVT": PUBLISHED_MGVT,
-        "GVT, equations": GVT,
-        "1-MGVT, equations": MGVT,
     },
     iterations=10_000,
     every=500,
