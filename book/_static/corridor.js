@@ -89,7 +89,7 @@
 
     again() {
       clearTimeout(this.timer);
-      Object.assign(this, { seen: [], fresh: [], values: null, shown: 0, found: false });
+      Object.assign(this, { seen: [], fresh: [], values: null, shown: 0, found: false, rounds: 0 });
       this.before = this.belief = prior(this.setup);
       this.say("Ten tasks are solved. Where the treasure lies now, nobody has told the agent.", "draw");
     }
@@ -107,6 +107,7 @@
       if (!this.values) return this.say("First draw a value function to act on.", "draw");
       this.fresh = walk(this.values, this.setup);
       this.found = this.fresh.at(-1) === this.setup.treasure;
+      this.rounds += 1;
       this.step();
     }
 
@@ -123,8 +124,8 @@
       clearTimeout(this.timer);
       if (!this.fresh.length) return;
       this.shown = this.fresh.length;
-      const end = this.found ? "The treasure is found." : "Here is the peak of the draw, and no treasure.";
-      this.say(end, "update");
+      const end = this.found ? "the treasure is found" : "here is the peak of the draw, and no treasure";
+      this.say(`Round ${this.rounds}: ${end}.`, "update");
     }
 
     update() {
@@ -133,7 +134,9 @@
       this.seen.push(...this.fresh);
       this.belief = posterior(this.before, this.seen, this.setup);
       Object.assign(this, { fresh: [], values: null });
-      this.say("The band is narrow where the agent has been, and wider elsewhere. Old functions that do not fit have lost their say.", "draw");
+      const learned = "The band is narrow where the agent has been, and wider elsewhere. Old functions that do not fit have lost their say.";
+      if (!this.found) return this.say(learned, "draw");
+      this.say(`The treasure was found in round ${this.rounds}, and the belief knows the way. Start again: other draws need more rounds, or fewer.`, "again");
     }
 
     say(words, next) {

@@ -5,7 +5,7 @@ for (const root of document.querySelectorAll(".scorecard")) {
   const filter = root.querySelector(".filter"), chosen = [...filter.querySelectorAll("select")];
   const show = () => {
     let count = 0;
-    for (const claim of root.querySelectorAll("details")) {
+    for (const claim of root.querySelectorAll("li")) {
       claim.hidden = chosen.some(({ name, value }) => value && claim.dataset[name] !== value);
       count += !claim.hidden;
     }

@@ -25,6 +25,9 @@ function scientific(power) {
   return `${digit === "1.0" ? "" : `${digit} · `}10${raised}`;
 }
 
+/* How hard the prior pulls: lambda over its variance, with two digits. */
+const weightOf = (lambda, { scale }) => String(Number((lambda * scale).toPrecision(2)));
+
 const bytesOf = (text) => Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
 const grouped = (number) => Math.round(number).toLocaleString("en");
 const measured = (y) => (Number.isNaN(y) ? "(no episode yet)" : y.toFixed(STAGE.digits).replace("-", "−"));
@@ -229,7 +232,8 @@ class Panel {
   /* Begins anew, and goes on running if it was. */
   begin(first = {}) {
     const { choice, form } = this, psi = choice.psi.toFixed(2), power = scientific(Number(form.power.value));
-    for (const [name, text] of Object.entries({ ...choice, psi, power })) {
+    const weight = weightOf(choice.lambda, this.setup.settings[choice.family]), pull = choice.lambda ? `${power} (λ/σ² ${weight})` : power;
+    for (const [name, text] of Object.entries({ ...choice, psi, power: choice.family === "Trust" ? "" : pull })) {
       if (form[name]?.type !== "range") continue;
       form[name].nextElementSibling.textContent = text;
       form[name].setAttribute("aria-valuetext", text);

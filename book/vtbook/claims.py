@@ -1,7 +1,7 @@
 """What the thesis claims of its figures: one number for each claim, and the bounds it has to keep.
 
-The number is measured alike in both protocols and on the published curves: ``Runs`` and ``Printed``
-answer the same questions.
+The number is measured alike of our runs and of the published curves: ``Runs`` and ``Printed`` give
+the same answers.
 """
 
 from __future__ import annotations
@@ -40,30 +40,31 @@ class Claim:
     names, "low" or "high", the claim is an understatement. Where both bounds are one value, the
     claim is that nothing differs from it, and holds where the interval contains that value.
     measure: what the number is, in words.
-    numbers: the number by protocol. printed: the number of the published curves, where there is
-    one. ours: the claim is this book's and not the thesis'. overlap: by protocol, the share of the
-    recorded iterations at which our intervals meet the published ones, the least of several curves.
+    printed: the number of the published curves, where there is one. ours: the claim is this book's
+    and not the thesis'. overlap: the share of the recorded iterations at which our intervals meet
+    the published ones, the least of several curves.
     fact: the sentence with its places {} unfilled, which counts once however many claims fill it.
     """
 
     text: str
     measure: str
-    numbers: Mapping[str, Interval]
+    number: Interval
     printed: Interval | None
     low: float = -np.inf
     high: float = np.inf
     stronger: str = ""
     ours: bool = False
-    overlap: Mapping[str, float] = field(factory=dict)
+    overlap: float | None = None
     fact: str = field()
 
     @fact.default
     def _own_fact(self) -> str:
         return self.text
 
-    def verdict(self, protocol: str) -> str:
-        """Whether the claim holds in a protocol."""
-        return self.judge(self.numbers[protocol])
+    @property
+    def verdict(self) -> str:
+        """Whether the claim holds."""
+        return self.judge(self.number)
 
     def judge(self, number: Interval) -> str:
         """The verdict on a number: undecided when its interval holds both answers."""
@@ -224,23 +225,23 @@ def share_interval(yes: np.ndarray) -> Interval:
 
 @frozen(eq=False)
 class Figure:
-    """An experiment in some protocols, with its published figure's curves if there are any."""
+    """An experiment, with its published figure's curves if there are any."""
 
-    protocols: Mapping[str, Experiment]
+    experiment: Experiment
     name: str = ""
-    runs: Mapping[str, Mapping[str, Runs]] = field(init=False)
+    runs: Mapping[str, Runs] = field(init=False)
     printed: Mapping[str, Printed] = field()
 
     @runs.default
-    def _load(self) -> Mapping[str, Mapping[str, Runs]]:
-        return {protocol: runs_of(experiment) for protocol, experiment in self.protocols.items()}
+    def _load(self) -> Mapping[str, Runs]:
+        return runs_of(self.experiment)
 
     @printed.default
     def _read(self) -> Mapping[str, Printed]:
         if not self.name:
             return {}
         learning, greedy = (curves(self.name, kind) for kind in ("learning", "greedy"))
-        ours = next(iter(self.runs["published"].values()))
+        ours = next(iter(self.runs.values()))
         return {x: Printed(learning[x], greedy[x], ours.scale, ours.floor) for x in learning}
 
     def claim(
@@ -258,18 +259,14 @@ class Figure:
 
         The labels fill the places {} of the number's name, and of the text where no words do.
         """
-        numbers = {
-            protocol: measure(*(runs[x] for x in labels)) for protocol, runs in self.runs.items()
-        }
-        overlap, drawing = {}, None
+        overlap = drawing = None
         if printed and self.printed:
             drawing = measure(*(self.printed[x] for x in labels))
         if self.name and self.printed.keys() >= {*labels}:
-            for protocol in self.protocols:
-                overlap[protocol] = min(self.overlap(protocol, x, kind) for x in labels)
+            overlap = min(self.overlap(x, kind) for x in labels)
         rest = {"overlap": overlap, "fact": text, **bounds}
-        own = text.format(*(words or labels))
-        return Claim(own, number.format(*labels), numbers, drawing, **rest)
+        own, ours = text.format(*(words or labels)), measure(*(self.runs[x] for x in labels))
+        return Claim(own, number.format(*labels), ours, drawing, **rest)
 
     def earns(self, text: str, labels: Iterable[str], t: int, **bounds: Any) -> list[Claim]:
         """A claim about what each of some algorithms, {} in the text, earns at an iteration."""
@@ -298,12 +295,12 @@ class Figure:
     @property
     def _unit(self) -> str:
         """What a share is a share of."""
-        ours = next(iter(self.runs["published"].values()))
+        ours = next(iter(self.runs.values()))
         return "of the way to the optimum" if ours.floor else "of the optimum"
 
-    def overlap(self, protocol: str, label: str, kind: str) -> float:
+    def overlap(self, label: str, kind: str) -> float:
         """Share of the recorded iterations at which our 95 % interval meets the published one."""
-        ours, theirs = self.runs[protocol][label].stored[kind], getattr(self.printed[label], kind)
+        ours, theirs = self.runs[label].stored[kind], getattr(self.printed[label], kind)
         both = np.isin(ours.iteration.values, theirs.iterations)
         band, at = mean_interval(ours.values[:, both]), np.isin(theirs.iterations, ours.iteration)
         return float(np.mean((band.low <= theirs.high[at]) & (theirs.low[at] <= band.high)))

@@ -43,25 +43,14 @@ def shares(experiment: Experiment, stored: Dataset, t: int, chosen: np.ndarray) 
     return np.asarray(earned.reshape(-1, experiment.runs_per_task).mean(1))
 
 
-def doors_interval(means: np.ndarray) -> Interval:
-    """The mean over doors (D,) with its interval; a single door has none, so its ends are NaN."""
-    return mean_interval(means) if len(means) > 1 else Interval(means.mean(), np.nan, np.nan)
-
-
 def gap(experiment: Experiment, t: int) -> Interval:
     """GVT minus 1-MGVT in the lowest fifth, paired by door."""
     lowest = bin_of(experiment) == 0
     earned = (shares(experiment, returns(experiment, x), t, lowest) for x in LABELS)
-    return doors_interval(np.subtract(*earned))
+    return mean_interval(np.subtract(*earned))
 
 
-def binned() -> dict[str, Bins]:
-    """The bins of both protocols and of the published figure, by their names."""
-    bins = {name: _bins(e) for name, e in rooms.ROOMS_LIKELIHOOD._asdict().items()}
-    return {**bins, "printed": _printed(rooms.ROOMS_LIKELIHOOD.published)}
-
-
-def _printed(experiment: Experiment) -> Bins:
+def printed(experiment: Experiment) -> Bins:
     """The published bins as shares of the mean optimum of our tasks in each."""
     best, place = load(experiment, "tasks").optimum.values, bin_of(experiment)
     bins: dict[tuple[str, int], list[Interval]] = {(x, t): [] for x in LABELS for t in AT}
@@ -72,13 +61,13 @@ def _printed(experiment: Experiment) -> Bins:
     return bins
 
 
-def _bins(experiment: Experiment) -> Bins:
+def binned(experiment: Experiment) -> Bins:
+    """What our runs earn in each bin."""
     place = bin_of(experiment)
     runs = {label: returns(experiment, label) for label in LABELS}
     return {
         (label, t): [
-            doors_interval(shares(experiment, runs[label], t, place == i))
-            for i in range(len(EDGES))
+            mean_interval(shares(experiment, runs[label], t, place == i)) for i in range(len(EDGES))
         ]
         for label in LABELS
         for t in AT

@@ -11,8 +11,7 @@ from xarray import Dataset
 from vtbook import claims, published, rerun, tables
 from vtbook.costs import Cost, cost
 from vtbook.experiments.mountain_car import floor_of
-from vtbook.experiments.protocols import Protocols
-from vtlab.experiment import SOURCES
+from vtlab.experiment import SOURCES, Experiment
 from vtlab.stats import Interval
 from vtlab.store import load, path_of, provenance, results_of, returns
 
@@ -22,23 +21,16 @@ RECORD = "application/papermill.record/"  # by which the book finds a number for
 class Page:
     """An experiment's stored runs: ``page.runs`` by label, ``page[label]`` as its claims see them.
 
-    curves: the name of the published curves, in book/published, if there are any. ``experiment`` is
-    as published and ``equations`` the same by the text's equations.
+    curves: the name of the published curves, in book/published, if there are any.
     """
 
-    def __init__(self, protocols: Protocols, curves: str = "") -> None:
-        self.experiment, self.equations = protocols
-        self._curves = curves
+    def __init__(self, experiment: Experiment, curves: str = "") -> None:
+        self.experiment, self._curves = experiment, curves
 
     @functools.cached_property
     def runs(self) -> dict[str, Dataset]:
-        """Stored returns as published, by label."""
+        """Stored returns by label."""
         return {x: returns(self.experiment, x) for x in self.experiment.algorithms}
-
-    @functools.cached_property
-    def text(self) -> dict[str, Dataset]:
-        """Stored returns by the equations of the text, by label."""
-        return {x: returns(self.equations, x) for x in self.equations.algorithms}
 
     @functools.cached_property
     def printed(self) -> dict[str, Mapping[str, published.PublishedCurve]]:

@@ -1,14 +1,14 @@
 """Sliders over stored settings: a picture of each, and in words what it comes to."""
 
 import functools
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping
 
 from ipywidgets import VBox
 from xarray import Dataset
 
 from vtbook import widgets
 from vtbook.claims import Runs
-from vtbook.experiments.grids import count_name, slider_name
+from vtbook.experiments.grids import slider_name
 from vtbook.experiments.protocols import transfer_settings
 from vtbook.plots import look, power_of_ten, returns_figure
 from vtbook.setting_curves import Frame
@@ -24,37 +24,29 @@ Setting = tuple[float, float, str]  # lambda, psi and the posterior, such as "3-
 def setting_sliders(
     grid: Experiment,
     thesis: Mapping[str, Settings],
-    references: Callable[..., Mapping[str, Dataset]],
-    counts: Sequence[int] = (),
+    references: Mapping[str, Dataset],
 ) -> VBox:
     """Sliders over the stored settings of a grid, each a picture with a sentence below it.
 
-    thesis: the settings of "GVT" and "1-MGVT" in the thesis. references(): stored returns that are
-    drawn beside those of a setting, runs in the grid's order. counts: numbers of sources, a fourth
-    slider, if the grid has them; the references then depend on the count.
+    thesis: the settings of "GVT" and "1-MGVT" in the thesis. references: stored returns that are
+    drawn beside those of a setting, runs in the grid's order.
     """
     lambdas = sorted({transfer_settings(grid, label).lambda_ for label in grid.algorithms})
-    axes = widgets.parameter_axes(thesis, lambdas)
-    if counts:
-        numbers = [(f"{n}", n) for n in counts]
-        axes.append(widgets.Axis("sources", "number of sources", numbers, len(counts) - 1))
-
-    beside, frames = functools.cache(references), dict[tuple[object, ...], Frame]()
+    axes, frames = widgets.parameter_axes(thesis, lambdas), dict[str, Frame]()
 
     @functools.cache
-    def stored(setting: Setting, count: tuple[int, ...]) -> Runs:
-        name = slider_name(*setting)
-        return Runs.of(grid, count_name(name, *count) if count else name)
+    def stored(setting: Setting) -> Runs:
+        return Runs.of(grid, slider_name(*setting))
 
-    def picture(lambda_: float, psi: float, posterior: str, *count: int) -> str:
+    def picture(lambda_: float, psi: float, posterior: str) -> str:
         own = thesis["GVT" if posterior == "GVT" else "1-MGVT"]
         setting, usual = (lambda_, psi, posterior), (own.lambda_, own.psi, posterior)
-        mine, theirs = stored(setting, count), stored(usual, count)
+        mine, theirs = stored(setting), stored(usual)
         text = setting_words(setting, usual, mine, theirs)
-        if (panel := (posterior, *count)) not in frames:
-            name = "-".join(map(str, (grid.name, *panel)))
-            frames[panel] = setting_frame(name, beside(*count), mine, posterior, grid.family.limits)
-        return f"{setting_picture(frames[panel], mine, setting)}<p>{text}</p>"
+        if posterior not in frames:
+            name, limits = f"{grid.name}-{posterior}", grid.family.limits
+            frames[posterior] = setting_frame(name, references, mine, posterior, limits)
+        return f"{setting_picture(frames[posterior], mine, setting)}<p>{text}</p>"
 
     def shared() -> str:
         return "".join(frame.symbol for frame in frames.values())

@@ -23,7 +23,7 @@ from vtlib.stability import gradients_of_errors
 OFF = 1e-6  # relative; so far beside an eigenvalue its eigenvector is looked for
 
 
-def largest_step(length: Tensor, samples: int) -> Tensor:
+def largest_step(length: Tensor | float, samples: int) -> Tensor | float:
     """The bound on alpha eta, for rows of L of a mean length d_eta (R,) and n samples."""
     return 2 * samples / (length + samples + 1)
 

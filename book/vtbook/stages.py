@@ -89,7 +89,7 @@ STAGES = {
             "NT": NT,
             "fine": NT_GREEDY,
         },
-        ROOMS_EVALUATION.published,
+        ROOMS_EVALUATION,
         scripts=("stage_rooms.js",),
         template="stage_rooms.html",
         changes="a door moves",
@@ -103,7 +103,7 @@ STAGES = {
         workers=("stage_rooms_worker.js",),
     ),
     "cartpole": _with_networks(
-        CARTPOLE.published,
+        CARTPOLE,
         CARTPOLE_NOTHING,
         scripts=("stage_drive.js", "stage_cartpole.js"),
         arrival="first balanced to the end",
@@ -124,7 +124,7 @@ STAGES = {
         },
     ),
     "mountain_car": _with_networks(
-        CAR.published,
+        CAR,
         CAR_NOTHING,
         scripts=("stage_drive.js", "stage_mountain_car.js"),
         arrival="top first reached",

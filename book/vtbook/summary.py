@@ -10,7 +10,7 @@ from vtbook.decomposition import course
 from vtbook.experiments.cartpole import CARTPOLE, CARTPOLE_NOTHING
 from vtbook.experiments.maze import MAZE_NOTHING, MAZE_TARGETS
 from vtbook.experiments.mountain_car import CAR, CAR_NOTHING
-from vtbook.tables import PROTOCOLS, tally
+from vtbook.tables import tally
 from vtbook.verdicts import PAGES
 from vtlab.stats import Interval, mean_interval
 
@@ -22,23 +22,15 @@ def page_claims() -> Mapping[str, list[Claim]]:
 
 
 def counts() -> dict[str, int]:
-    """How many facts have each verdict, how many there are, and how many rows stand behind them.
-
-    The names are such as "published-reproduced", "published-all" and "published-rows".
-    """
-    pages, numbers = page_claims().values(), {}
-    for protocol in PROTOCOLS:
-        verdicts = tally(pages, protocol)
-        numbers[f"{protocol}-all"] = sum(verdicts.values())
-        numbers |= {f"{protocol}-{verdict}": count for verdict, count in verdicts.items()}
-        rows = [claim for claims in pages for claim in claims if not claim.ours]
-        numbers[f"{protocol}-rows"] = sum(protocol in claim.numbers for claim in rows)
-    return numbers
+    """How many facts have each verdict, how many there are, "all", and "rows" behind them."""
+    pages = page_claims().values()
+    verdicts, rows = tally(pages), sum(not claim.ours for claims in pages for claim in claims)
+    return {**verdicts, "all": sum(verdicts.values()), "rows": rows}
 
 
 def over_nothing() -> dict[str, Interval]:
     """How much more 1-MGVT as published earns over a run than its own learner without sources."""
-    pairs = {"poles": (CARTPOLE.published, CARTPOLE_NOTHING), "cars": (CAR.published, CAR_NOTHING)}
+    pairs = {"poles": (CARTPOLE, CARTPOLE_NOTHING), "cars": (CAR, CAR_NOTHING)}
     return {
         name: Runs.of(ours, "1-MGVT").gain_until(Runs.of(nothing, "NT"), ours.iterations)
         for name, (ours, nothing) in pairs.items()
@@ -53,7 +45,7 @@ def mazes_over_nothing() -> dict[str, Interval]:
     """
     gaps: dict[str, list[np.ndarray]] = {}
     for number, nothing in MAZE_NOTHING.items():
-        ours = course(MAZE_TARGETS[number].published, "1-MGVT")
+        ours = course(MAZE_TARGETS[number], "1-MGVT")
         alone, guided = course(nothing, "NT"), course(nothing, "NT, guided")
         for name, gap in {
             "as published": ours - alone,

@@ -31,13 +31,11 @@ def html_table(head: Row, rows: Iterable[Row], caption: str = "") -> str:
     return f"<table>{above}<thead><tr>{heads}</tr></thead><tbody>{body}</tbody></table>"
 
 
-PROTOCOLS = {"published": "As published", "equations": "By the equations"}
-
-
 UNCOUNTED = (
     "Steps on sources are those of training. What was played to check them, 200 episodes or more "
     "at each check, is not counted, and can be more than that."
 )
+OURS, PUBLISHED = "Our runs", "Published curve"
 MET = (
     "<em>Met</em>: the share of iterations at which our interval meets the published one; "
     "the smallest such share where a claim compares several curves."
@@ -45,10 +43,9 @@ MET = (
 
 
 def claims_table(claims: Sequence[Claim]) -> str:
-    """Claims with what decides about them: the number, its bounds, and both protocols' verdicts."""
+    """Claims with what decides about them: the number, its bounds, and the verdict."""
     printed = any(x.printed is not None for x in claims)
-    heads = ["Claim, and the number that decides", *PROTOCOLS.values()]
-    heads += ["Published curve"] * printed
+    heads = ["Claim, and the number that decides", OURS, *[PUBLISHED] * printed]
     head = "".join(f"<th scope='col'>{x}</th>" for x in heads)
     rows = "".join(_claim_row(x, printed) for x in claims)
     body = f"<thead><tr>{head}</tr></thead><tbody>{rows}</tbody>"
@@ -57,27 +54,20 @@ def claims_table(claims: Sequence[Claim]) -> str:
 
 
 def _claim_row(claim: Claim, printed: bool) -> str:
-    # The first word of the verdict is a class, by which the book colours its cell.
-    cells = []
-    for protocol in PROTOCOLS:
-        if protocol not in claim.numbers:
-            cells.append("<td></td>")
-            continue
-        head = _on_phones(PROTOCOLS[protocol])
-        verdict = claim.verdict(protocol)
-        number = escape(_decisive(claim, claim.numbers[protocol]))
-        if protocol in claim.overlap:
-            number += f"<br>met at {claim.overlap[protocol]:.0%}"
-        style = f"verdict {verdict.split()[0]}"
-        cells.append(f"<td class='{style}'>{head}{verdict}<br><small>{number}</small></td>")
-    if claim.printed is not None:
-        number = _on_phones("Published curve") + escape(_decisive(claim, claim.printed))
-        cells.append(f"<td><small>{number}</small></td>")
-    elif printed:
-        cells.append("<td></td>")
     ours = " <em>(a claim of this book’s)</em>" if claim.ours else ""
     decides = f"<small>{escape(claim.measure)}: {claim.bounds}</small>"
-    return f"<tr><th scope='row'>{escape(claim.text)}{ours}<br>{decides}</th>{''.join(cells)}</tr>"
+    number = escape(_decisive(claim, claim.number))
+    if claim.overlap is not None:
+        number += f"<br>met at {claim.overlap:.0%}"
+    # The first word of the verdict is a class, by which the book colours its cell.
+    cells = f"<td class='verdict {claim.verdict.split()[0]}'>{_on_phones(OURS)}{claim.verdict}"
+    cells += f"<br><small>{number}</small></td>"
+    if claim.printed is not None:
+        number = _on_phones(PUBLISHED) + escape(_decisive(claim, claim.printed))
+        cells += f"<td><small>{number}</small></td>"
+    elif printed:
+        cells += "<td></td>"
+    return f"<tr><th scope='row'>{escape(claim.text)}{ours}<br>{decides}</th>{cells}</tr>"
 
 
 def _decisive(claim: Claim, number: Interval) -> str:
@@ -94,22 +84,17 @@ def _on_phones(head: str) -> str:
     return f"<span class='head'>{head}: </span>"
 
 
-def fact_verdicts(claims: Iterable[Claim], protocol: str) -> list[str]:
-    """The verdict on each fact of one page in a protocol: the worst of its claims' verdicts."""
+def fact_verdicts(claims: Iterable[Claim]) -> list[str]:
+    """The verdict on each fact of one page: the worst of its claims' verdicts."""
     verdicts: dict[str, list[str]] = {}
     for claim in claims:
-        if protocol in claim.numbers:
-            verdicts.setdefault(claim.fact, []).append(claim.verdict(protocol))
+        verdicts.setdefault(claim.fact, []).append(claim.verdict)
     return [max(rows, key=VERDICTS.index) for rows in verdicts.values()]
 
 
-def tally(pages: Iterable[Sequence[Claim]], protocol: str) -> dict[str, int]:
-    """How many facts of the thesis' own have each verdict in a protocol, by pages of claims."""
-    verdicts = [
-        verdict
-        for claims in pages
-        for verdict in fact_verdicts((x for x in claims if not x.ours), protocol)
-    ]
+def tally(pages: Iterable[Sequence[Claim]]) -> dict[str, int]:
+    """How many facts of the thesis' own have each verdict, by pages of claims."""
+    verdicts = [x for claims in pages for x in fact_verdicts(x for x in claims if not x.ours)]
     return {verdict: verdicts.count(verdict) for verdict in VERDICTS}
 
 

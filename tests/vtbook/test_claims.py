@@ -29,10 +29,10 @@ TIMES = np.array([500, 1_000, 1_500])
 )
 @pytest.mark.parametrize("stronger", ["", "low", "high"])
 def test_a_claim_is_decided_by_where_its_whole_interval_lies(low, high, plain, stronger):
-    found = {"published": Interval((low + high) / 2, low, high)}
+    found = Interval((low + high) / 2, low, high)
     claim = Claim("", "", found, None, 0.2, 0.8, stronger)
     beyond = {"low": high < 0.2, "high": low > 0.8, "": False}[stronger]
-    assert claim.verdict("published") == (STRONGER if beyond else plain)
+    assert claim.verdict == (STRONGER if beyond else plain)
     assert claim.bounds == "0.2 to 0.8"
     assert Claim("", "", found, None, low=-0.15).bounds == "at least −0.15"
 
@@ -42,8 +42,8 @@ def test_a_claim_is_decided_by_where_its_whole_interval_lies(low, high, plain, s
     [(-0.1, 0.1, REPRODUCED), (0.0, 0.1, REPRODUCED), (0.001, 0.1, NOT), (-0.1, -0.001, NOT)],
 )
 def test_a_claim_of_no_difference_holds_where_the_interval_contains_none(low, high, verdict):
-    claim = Claim("", "", {"published": Interval(0.0, low, high)}, None, 0.0, 0.0)
-    assert claim.verdict("published") == verdict
+    claim = Claim("", "", Interval(0.0, low, high), None, 0.0, 0.0)
+    assert claim.verdict == verdict
     assert claim.bounds == "the interval contains 0"
 
 
@@ -125,7 +125,7 @@ def test_runs_that_end_below_nine_tenths_of_their_own_optimum_have_fallen():
 
 @pytest.fixture
 def figure(monkeypatch):
-    """Both protocols of an experiment of two algorithms, and a figure of them."""
+    """A figure of an experiment of two algorithms."""
 
     def returns(experiment, label):
         return runs([experiment.algorithms[label]] * 3, [0, 1, 2], 4.0, 0.5).stored
@@ -136,25 +136,21 @@ def figure(monkeypatch):
 
     monkeypatch.setattr(claims, "returns", returns)
     monkeypatch.setattr(claims, "curves", curves)
-    levels = {"published": {"A": 1.0, "B": 3.0}, "equations": {"A": 2.0, "B": 2.0}}
-    protocols = {x: SimpleNamespace(algorithms=y, family=None) for x, y in levels.items()}
-    return Figure(protocols, "some-figure")
+    return Figure(SimpleNamespace(algorithms={"A": 1.0, "B": 3.0}, family=None), "some-figure")
 
 
-def test_a_claim_is_measured_alike_in_both_protocols_and_on_the_published_curves(figure):
+def test_a_claim_is_measured_alike_of_our_runs_and_on_the_published_curves(figure):
     claim = figure.claim("text", "n", lambda a, b: a.gain(b, 500), "B", "A", low=0.1, ours=True)
-    assert {x: one.centre for x, one in claim.numbers.items()} == {"published": 0.5, "equations": 0}
+    assert claim.number.centre == 0.5
     # the published curves are shares of the optimum of our runs
     assert near(claim.printed, 0.0, 0.25 * 2**0.5 / 4)
-    assert [claim.verdict(x) for x in claim.numbers] == [REPRODUCED, NOT]
+    assert (claim.verdict, claim.judge(claim.printed)) == (REPRODUCED, NOT)
     assert (claim.low, claim.high, claim.ours) == (0.1, np.inf, True)
-    assert claim.overlap == {
-        x: min(figure.overlap(x, y, "learning") for y in "AB") for x in claim.numbers
-    }
+    assert claim.overlap == min(figure.overlap(x, "learning") for x in "AB")
     alone = "", "", lambda a: a.share(500), "A"
-    assert figure.claim(*alone, kind="greedy").overlap["equations"] == pytest.approx(2 / 3)
+    assert figure.claim(*alone, kind="greedy").overlap == pytest.approx(2 / 3)
     assert figure.claim(*alone, printed=False).printed is None
-    assert Figure(figure.protocols).claim(*alone).printed is None
+    assert Figure(figure.experiment).claim(*alone).printed is None
 
 
 def test_rows_of_one_sentence_are_of_one_fact(figure):
@@ -167,12 +163,12 @@ def test_rows_of_one_sentence_are_of_one_fact(figure):
 
 def test_curves_overlap_where_both_were_recorded_and_their_intervals_meet(figure, monkeypatch):
     # ours 1 +- 0.5 half widths of the mean at 500 and 1,000, published 1 +- 0.25; apart at 1,500
-    assert figure.overlap("published", "A", "learning") == pytest.approx(2 / 3)
-    assert figure.overlap("published", "B", "learning") == 0
+    assert figure.overlap("A", "learning") == pytest.approx(2 / 3)
+    assert figure.overlap("B", "learning") == 0
     # greedy: 0 and 2 meet, 1 and 8 do not
-    assert figure.overlap("equations", "A", "greedy") == pytest.approx(2 / 3)
+    assert figure.overlap("A", "greedy") == pytest.approx(2 / 3)
     seen = figure.printed["A"].learning
     later = PublishedCurve(np.array([1_000, 1_500, 2_000]), *seen[1:])
     monkeypatch.setitem(figure.printed, "A", Printed(later, later, 4.0))
     # at 1,000 the curve's first value meets ours, at 1,500 its second one; 2,000 is not ours
-    assert figure.overlap("published", "A", "learning") == 1
+    assert figure.overlap("A", "learning") == 1

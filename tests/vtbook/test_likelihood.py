@@ -11,8 +11,8 @@ from vtbook import likelihood
 from vtbook.experiments import rooms
 from vtlab.stats import mean_interval
 
-PUBLISHED = rooms.ROOMS_LIKELIHOOD.published
-EACH = PUBLISHED.runs_per_task
+HERE = rooms.ROOMS_LIKELIHOOD
+EACH = HERE.runs_per_task
 # Two doors in each of five bins, which hold their upper edges.
 LIKELIHOODS = np.array([0.001, 0.2, 0.2001, 0.4, 0.41, 0.5, 0.61, 0.8, 0.8001, 1.0])
 DOORS = 5 + 1.8 * np.resize([1, -1], 10) * np.sqrt(-2 * np.log(LIKELIHOODS))
@@ -36,16 +36,13 @@ def stored(monkeypatch):
 
 
 def test_bins_hold_shares_of_each_runs_optimum_and_the_published_ones_of_theirs(stored):
-    np.testing.assert_allclose(likelihood.likelihoods(PUBLISHED), LIKELIHOODS.repeat(EACH))
+    np.testing.assert_allclose(likelihood.likelihoods(HERE), LIKELIHOODS.repeat(EACH))
     # up to the upper edge
-    np.testing.assert_array_equal(likelihood.bin_of(PUBLISHED), np.arange(5).repeat(2 * EACH))
-    found = likelihood.binned()
-    assert set(found) == {"published", "equations", "printed"}
-    for name in ("published", "equations"):
-        expected = mean_interval(0.25 * 1.25 * np.array([1.1, 0.9]))
-        np.testing.assert_allclose(found[name]["GVT", 1_000], [expected] * 5)
+    np.testing.assert_array_equal(likelihood.bin_of(HERE), np.arange(5).repeat(2 * EACH))
+    expected = mean_interval(0.25 * 1.25 * np.array([1.1, 0.9]))
+    np.testing.assert_allclose(likelihood.binned(HERE)["GVT", 1_000], [expected] * 5)
     table = likelihood.rows("rooms-likelihood")
-    for (label, t), bins in found["printed"].items():
+    for (label, t), bins in likelihood.printed(HERE).items():
         rows = table[(table["algorithm"] == label) & (table["iteration"] == t)]
         np.testing.assert_allclose(rows["normalised_likelihood"], likelihood.EDGES)
         expected = np.stack([rows[x] for x in ("mean", "low", "high")], 1)
@@ -54,8 +51,4 @@ def test_bins_hold_shares_of_each_runs_optimum_and_the_published_ones_of_theirs(
 
 def test_the_gap_is_paired_by_door(stored):
     expected = mean_interval((0.25 - 0.5) * 1.25 * np.array([1.1, 0.9]))
-    np.testing.assert_allclose(likelihood.gap(PUBLISHED, 1_000), expected)
-
-
-def test_a_single_door_has_no_interval():
-    np.testing.assert_equal(tuple(likelihood.doors_interval(np.ones(1))), (1.0, np.nan, np.nan))
+    np.testing.assert_allclose(likelihood.gap(HERE, 1_000), expected)

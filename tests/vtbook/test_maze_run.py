@@ -10,7 +10,7 @@ from vtbook.maze_run import SEEN, follow, six_walks
 from vtlab.run import prepare
 from vtlib.rng import Rng
 
-HERE = MAZE_TARGETS[MAIN].published
+HERE = MAZE_TARGETS[MAIN]
 
 
 @pytest.fixture(scope="module")

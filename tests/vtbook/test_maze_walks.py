@@ -68,7 +68,7 @@ def test_looking_disturbs_nothing_and_robots_share_the_components(weights, label
 
 @pytest.mark.parametrize("number", MAZE_WALKS)
 def test_the_recorded_runs_are_the_first_of_the_stored_ones(number):
-    here, published = MAZE_WALKS[number], MAZE_TARGETS[number].published
+    here, published = MAZE_WALKS[number], MAZE_TARGETS[number]
     for label in here.algorithms:
         owner = published if label in published.algorithms else MAZE_NOTHING[number]
         first, again = load(owner, label), load(here, label)

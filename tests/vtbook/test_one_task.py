@@ -49,7 +49,7 @@ def test_runs_of_a_setting_are_distributed_as_the_page_s(node):
     sources = chosen_sources(here, runs).tolist()
     told = {"family": "MGVT", "components": 1, "task": [*task, 2]}
     each = [{**told, "indices": sources[run], "seed": run} for run in runs]
-    html = trainer.train_here(ROOMS_EVALUATION.published, (2.0, 8.0))
+    html = trainer.train_here(ROOMS_EVALUATION, (2.0, 8.0))
     page = [run[0] for run in json.loads(node(html, "runs.js", json.dumps([each, 500])))]
     assert same_distribution_p(made, np.array(page), np.random.default_rng(0)) > 1e-3
 

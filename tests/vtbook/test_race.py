@@ -13,7 +13,7 @@ from vtbook.experiments.rooms import ROOMS_EVALUATION
 from vtlab.run import targets
 
 bs4 = pytest.importorskip("bs4")
-HERE = ROOMS_EVALUATION.published
+HERE = ROOMS_EVALUATION
 SHOWN, RUN = {"NT": "left", "1-MGVT": "right"}, 1
 
 

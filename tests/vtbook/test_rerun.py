@@ -18,7 +18,7 @@ from vtlab.stats import mean_interval
 from vtlab.store import returns
 from vtlab.workers import processors
 
-ROOMS, HERE, LABEL = ROOMS_EVALUATION.published, ROOMS_SOURCES.published, "1-MGVT-from-2"
+ROOMS, HERE, LABEL = ROOMS_EVALUATION, ROOMS_SOURCES, "1-MGVT-from-2"
 OWN = HERE.algorithms[LABEL]
 
 
@@ -41,7 +41,7 @@ def test_runs_made_again_are_the_stored_ones_and_drawn_over_them(label):
 
 def test_visits_and_numbers_of_sources_are_no_hindrance():
     # stored by torch, made again by the kernels, which round otherwise
-    experiment = ROOMS_EXPLORATION.published
+    experiment = ROOMS_EXPLORATION
     made = rerun.rerun(experiment, ["NT"], 1, 100)["NT"]["learning"]
     np.testing.assert_allclose(made, stored_learning(experiment, "NT", 1, 100), atol=1e-3)
     assert len(Page(ROOMS_SOURCES).rerun(LABEL, runs=1, iterations=100).axes) == 1

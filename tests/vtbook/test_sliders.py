@@ -10,9 +10,9 @@ from xarray import Dataset
 from vtbook import claims, sliders, widgets
 from vtbook.claims import Runs
 from vtbook.experiments.grids import POSTERIORS, PSIS, slider_thesis, sliders_of
-from vtbook.experiments.rooms import ROOMS_EVALUATION
+from vtbook.experiments.rooms import ROOMS_EVALUATION_EQUATIONS
 
-AROUND = ROOMS_EVALUATION.equations
+AROUND = ROOMS_EVALUATION_EQUATIONS
 LAMBDAS = (1e-6, 1e-4)
 GRID = sliders_of(AROUND, "grid", 4, 300, LAMBDAS)
 USUAL = (1e-6, 0.5, "1-MGVT")
@@ -44,7 +44,7 @@ def pictures(monkeypatch):
 
 def test_each_place_of_the_sliders_shows_its_own_runs_with_words_true_of_them(pictures):
     thesis = slider_thesis(AROUND)
-    axes, picture = sliders.setting_sliders(GRID, thesis, lambda: {"NT": runs(0.1)})
+    axes, picture = sliders.setting_sliders(GRID, thesis, {"NT": runs(0.1)})
     values = [tuple(value for _, value in axis.options) for axis in axes]
     assert values == [LAMBDAS, PSIS, POSTERIORS]
     assert [axis.options[axis.start][1] for axis in axes] == list(USUAL)

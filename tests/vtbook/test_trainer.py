@@ -30,7 +30,7 @@ from vtlib.promises import Record
 
 bs4 = pytest.importorskip("bs4")
 HERE = Path(__file__).resolve().parent / "trainer"
-EVALUATION, LIKELIHOOD = ROOMS_EVALUATION.published, ROOMS_LIKELIHOOD.published
+EVALUATION, LIKELIHOOD = ROOMS_EVALUATION, ROOMS_LIKELIHOOD
 # Set to how many runs of each algorithm to compare with the engine's, where there are so many.
 RUNS = int(os.environ.get("VTLIB_PAGE_RUNS", "20"))
 
@@ -65,7 +65,7 @@ def test_the_parts_of_the_scripts(node):
     node(trainer.train_here(EVALUATION, (2.0, 8.0)), "--test", "parts.test.js")
 
 
-@pytest.mark.parametrize("experiment", [CARTPOLE.published, CAR.published], ids=lambda x: x.name)
+@pytest.mark.parametrize("experiment", [CARTPOLE, CAR], ids=lambda x: x.name)
 def test_the_stages_that_are_driven(experiment, node):
     html = trainer.train_here(experiment, TASKS[experiment.family.kernel])
     node(html, "--test", "driven.test.js")
@@ -78,9 +78,9 @@ def test_the_stages_that_are_driven(experiment, node):
         (LIKELIHOOD, "1-MGVT", 100),
         (LIKELIHOOD, "GVT", 500),
         (EVALUATION, "3-MGVT", 200),
-        (CARTPOLE.published, "1-MGVT", 400),
-        (CARTPOLE.published, "GVT", 400),
-        (CAR.published, "1-MGVT", 400),
+        (CARTPOLE, "1-MGVT", 400),
+        (CARTPOLE, "GVT", 400),
+        (CAR, "1-MGVT", 400),
     ],
 )
 def test_runs_in_the_page_are_distributed_as_those_of_the_engine(experiment, label, end, node):
@@ -166,7 +166,7 @@ def test_a_page_grows_by_little_and_holds_the_sources_and_the_kernels_settings()
     assert found == pytest.approx((1e-5, 0.02, 1e4))
 
 
-@pytest.mark.parametrize("experiment", [CARTPOLE.published, CAR.published], ids=lambda x: x.name)
+@pytest.mark.parametrize("experiment", [CARTPOLE, CAR], ids=lambda x: x.name)
 def test_a_panel_says_that_its_fine_tuning_is_not_the_stored_one(experiment):
     kept, here = experiment.algorithms[FROM_MEAN], STAGES[experiment.family.kernel]
     assert isinstance(kept.learner, DDQNSettings)
@@ -175,13 +175,13 @@ def test_a_panel_says_that_its_fine_tuning_is_not_the_stored_one(experiment):
 
 
 def test_a_panel_of_two_pools_holds_both():
-    html = trainer.train_here(EVALUATION, (2.0, 8.0), other=ROOMS_CHANGE.published)
+    html = trainer.train_here(EVALUATION, (2.0, 8.0), other=ROOMS_CHANGE)
     setup = json.loads(setup_of(html))
     assert (setup["pools"], len(setup["scales"])) == (2, 100)
     assert setup["experiments"] == ["rooms-evaluation", "rooms-distribution-change"]
 
 
-@pytest.mark.parametrize("experiment", [CARTPOLE.published, CAR.published], ids=lambda x: x.name)
+@pytest.mark.parametrize("experiment", [CARTPOLE, CAR], ids=lambda x: x.name)
 def test_sources_drive_as_well_as_before_they_were_rounded(experiment):
     sources = weights(experiment.pool)
     integers, scales = trainer.quantised(sources, np.int16)

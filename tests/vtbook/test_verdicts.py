@@ -15,7 +15,7 @@ BOOK = Path(__file__).parents[2] / "book"
 def test_claims_that_one_number_decides_count_as_one_fact(page):
     facts: dict[tuple, set[str]] = {}
     for claim in verdicts.PAGES[page]():
-        facts.setdefault((claim.measure, *claim.numbers.values()), set()).add(claim.fact)
+        facts.setdefault((claim.measure, claim.number), set()).add(claim.fact)
     assert all(len(names) == 1 for names in facts.values()), facts
 
 
@@ -25,13 +25,12 @@ def test_every_claim_can_be_told_once_and_the_published_curves_keep_it(page):
     assert len({(claim.text, claim.measure) for claim in claims}) == len(claims) > 0
     assert f"verdicts.{page}()" in (BOOK / f"{page}.md").read_text(encoding="utf-8")
     for claim in claims:
-        assert "published" in claim.numbers
         assert claim.low <= claim.high
         assert np.isfinite([claim.low, claim.high]).any()
         # a bound that the thesis' own figure misses would be no reading of its words, but what
         # "significant" means is no choice of ours: there the figure contradicts the words
         misses = claim.printed is not None and claim.judge(claim.printed) == NOT
         assert misses == ("significant" in claim.text), (claim.text, claim.printed)
-        for number in (*claim.numbers.values(), claim.printed or (0, 0, 0)):
+        for number in (claim.number, claim.printed or (0, 0, 0)):
             assert np.isfinite(number).all()
             assert number[1] <= number[0] <= number[2]

@@ -13,12 +13,12 @@ from vtbook.experiments.cartpole import CARTPOLE
 from vtbook.experiments.maze import MAIN, MAZE_TARGETS
 from vtbook.experiments.mountain_car import CAR
 from vtbook.experiments.protocols import transfer_settings
-from vtbook.experiments.rooms import ROOMS_EVALUATION
+from vtbook.experiments.rooms import ROOMS_EVALUATION_EQUATIONS
 from vtbook.page import Page
 from vtbook.widgets import LivePanel
 from vtlab.workers import processors
 
-TINY = evolve(ROOMS_EVALUATION.equations, runs=3, sources=2, iterations=400, every=100)
+TINY = evolve(ROOMS_EVALUATION_EQUATIONS, runs=3, sources=2, iterations=400, every=100)
 MGVT = transfer_settings(TINY, "1-MGVT")
 WEIGHTS = 0.1 * np.random.default_rng(0).random((50, TINY.family.q().d), dtype=np.float32)
 
@@ -111,9 +111,9 @@ def test_any_error_is_shown_and_the_next_training_runs(monkeypatch):
     assert trained(panel, parts) == "done at 300"
 
 
-@pytest.mark.parametrize("protocols", [CARTPOLE, CAR, MAZE_TARGETS[MAIN]])
-def test_a_panel_trains_in_the_other_environments_too(protocols):
-    page = Page(protocols)
+@pytest.mark.parametrize("experiment", [CARTPOLE, CAR, MAZE_TARGETS[MAIN]])
+def test_a_panel_trains_in_the_other_environments_too(experiment):
+    page = Page(experiment)
     beside = {"DDQN": page.runs["DDQN"]}
     panel = LivePanel(page.experiment, page.weights, beside, runs=1, iterations=200)
     parts = parts_of(panel)

@@ -32,7 +32,7 @@ if __name__ == "__main__":
     from vtlab import units
     from vtbook.experiments.cartpole import CARTPOLE
 
-    CARTS = CARTPOLE.published
+    CARTS = CARTPOLE
     few = evolve(CARTS.pool, name="few", count=10, iterations=200, limit=200)
     some = {label: CARTS.algorithms[label] for label in ("GVT", "DDQN")}
     size = {"pool": few, "runs": 3, "iterations": 300}

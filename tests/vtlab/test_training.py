@@ -135,7 +135,7 @@ learned = tell("solve", solve, envs, q, 20)
 tell("transfer", transfer, envs, q, learned.weights[:, 0].expand(2, -1), 20, trials=2)
 tell("evaluate", evaluate, envs, q, learned.weights, 2)
 for here, label in ((CARTPOLE, "DDQN"), (CARTPOLE, "1-MGVT"), (ROOMS_EVALUATION, "GVT")):
-    short = evolve(here.published, iterations=100)
+    short = evolve(here, iterations=100)
     ours = tell(label, run_batch, short, label, [0], weights(short.pool), progress)
     torch.set_default_dtype(torch.float32)
     again = run_batch(short, label, [0], weights(short.pool))

@@ -17,7 +17,7 @@ from vtlib import baselines, rng
 from vtlib.priors import MixturePrior
 
 transfer = import_module("vtlib.transfer")  # the package has a function of that name
-EVERY, ROOMS = range(3), ROOMS_EVALUATION.published
+EVERY, ROOMS = range(3), ROOMS_EVALUATION
 KINDS = {
     "tiny/GVT": "fingerprints greedy iterations learning run",
     "tiny/DDQN": "fingerprints greedy learning",

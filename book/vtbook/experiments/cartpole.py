@@ -5,7 +5,7 @@ from typing import Any
 from attrs import evolve
 
 from vtbook.experiments.grids import sliders_of
-from vtbook.experiments.protocols import Protocols, as_published, fine_tuning, transfer
+from vtbook.experiments.protocols import as_published, fine_tuning, transfer
 from vtbook.probes import StabilityProbe
 from vtlab.envs.cartpole import CartpoleFamily
 from vtlab.experiment import Experiment, Pool
@@ -35,7 +35,7 @@ CARTPOLES = evolve(
     name="cartpole-sources",
     settings=evolve(MELLOW_TD, minibatch=32),
 )
-_PUBLISHED = Experiment(
+CARTPOLE = Experiment(
     name="cartpole",
     pool=CARTPOLES,
     family=CARTPOLES.family,
@@ -47,31 +47,28 @@ _PUBLISHED = Experiment(
     iterations=ITERATIONS,
     each=True,
 )
-CARTPOLE = Protocols(
-    _PUBLISHED,
-    evolve(
-        _PUBLISHED,
-        name="cartpole-equations",
-        pool=TEXT_CARTPOLES,
-        algorithms={**transfer(GVT, MGVT), "DDQN": DDQN},
-        each=False,
-    ),
+CARTPOLE_EQUATIONS = evolve(
+    CARTPOLE,
+    name="cartpole-equations",
+    pool=TEXT_CARTPOLES,
+    algorithms={**transfer(GVT, MGVT), "DDQN": DDQN},
+    each=False,
 )
-CARTPOLE_SLIDERS = sliders_of(CARTPOLE.published, "cartpole-sliders", 10, 1_000)
+CARTPOLE_SLIDERS = sliders_of(CARTPOLE, "cartpole-sliders", 10, 1_000)
 
 # The mixtures' learner without any source: what their lead over DDQN owes to transfer.
 CARTPOLE_NOTHING = evolve(
-    CARTPOLE.published,
+    CARTPOLE,
     name="cartpole-no-transfer",
     algorithms={"NT": MellowTDSettings(epsilon_steps=DDQN.epsilon_steps, minibatch=500)},
 )
 _TRANSFER = {"GVT": as_published(GVT), "1-MGVT": as_published(MGVT)}
 CARTPOLE_TEXT_SOURCES = evolve(
-    CARTPOLE.published, name="cartpole-text-sources", pool=TEXT_CARTPOLES, algorithms=_TRANSFER
+    CARTPOLE, name="cartpole-text-sources", pool=TEXT_CARTPOLES, algorithms=_TRANSFER
 )
 # The paper has 20 sources where the thesis has 100.
 CARTPOLE_FEW_SOURCES = evolve(
-    CARTPOLE.published,
+    CARTPOLE,
     name="cartpole-few-sources",
     algorithms=_TRANSFER,
     excluded=tuple(range(20, CARTPOLES.count)),
@@ -85,7 +82,7 @@ OTHER_CARTPOLES = {
 }
 CARTPOLE_OTHER_SOURCES = {
     key: evolve(
-        CARTPOLE.published,
+        CARTPOLE,
         name=f"cartpole-{key}",
         pool=evolve(pool, name=f"cartpole-sources-{key}", limit=20_000),
         algorithms=_TRANSFER,
@@ -102,7 +99,7 @@ LATE_VARIANTS: dict[str, dict[str, Any]] = {
     "more samples": {"n_samples": 10},
 }
 CARTPOLE_LATE = evolve(
-    CARTPOLE.equations,
+    CARTPOLE_EQUATIONS,
     name="cartpole-late",
     algorithms={
         f"{label}, {name}": evolve(base, **changes)

@@ -191,19 +191,19 @@ def changed(default: Algorithm, values: dict[str, Any]) -> Algorithm:
 ENVIRONMENTS = (
     Compared(
         "three rooms",
-        ROOMS_EVALUATION.published,
+        ROOMS_EVALUATION,
         iterations=3_000,
         chosen=(0, 0, 0, 6, 7, 1, 2, 4, 5, 4, 6, 0, 0, 0, 4),
     ),
     Compared(
         "rooms, other doors",
-        ROOMS_CHANGE.published,
+        ROOMS_CHANGE,
         iterations=3_000,
         chosen=(0, 5, 1, 3, 6, 6, 3, 4, 5, 4, 6, 0, 0, 0, 0),
     ),
     Compared(
         "cartpole",
-        CARTPOLE.published,
+        CARTPOLE,
         iterations=1_500,
         chosen=(2, 2, 2, 2, 7, 1, 5, 3, 1, 0, 4, 2, 0, 1, 0),
         diverged=(
@@ -215,7 +215,7 @@ ENVIRONMENTS = (
     ),
     Compared(
         "mountain car",
-        CAR.published,
+        CAR,
         iterations=3_000,
         chosen=(1, 5, 1, 6, 1, 0, 4, 3, 1, 5, 1, 6, 0, 3, 5),
         first=200,

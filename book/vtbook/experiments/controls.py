@@ -57,12 +57,12 @@ def control(experiment: Experiment, runs: int, iterations: int, **fields: Any) -
 
 # By page: as many runs as decide there, at the length within which methods differ.
 CONTROLS = {
-    "rooms_evaluation": control(ROOMS_EVALUATION.published, 120, 5_000),
-    "rooms_distribution_change": control(ROOMS_CHANGE.published, 120, 5_000),
-    "rooms_likelihood": control(ROOMS_LIKELIHOOD.published, 190, 4_000, runs_per_task=10),
-    "cartpole": control(CARTPOLE.published, 100, 3_000),
-    "mountain_car": control(CAR.published, 40, 10_000),
-    "mazes": control(MAZE_TARGETS[MAIN].published, 10, 10_000),
+    "rooms_evaluation": control(ROOMS_EVALUATION, 120, 5_000),
+    "rooms_distribution_change": control(ROOMS_CHANGE, 120, 5_000),
+    "rooms_likelihood": control(ROOMS_LIKELIHOOD, 190, 4_000, runs_per_task=10),
+    "cartpole": control(CARTPOLE, 100, 3_000),
+    "mountain_car": control(CAR, 40, 10_000),
+    "mazes": control(MAZE_TARGETS[MAIN], 10, 10_000),
 }
 
 # The main contrasts with sources that another seed has drawn and solved, on the same targets.

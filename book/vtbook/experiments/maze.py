@@ -2,7 +2,7 @@
 
 from attrs import evolve
 
-from vtbook.experiments.protocols import AsPublished, Protocols, as_published, fine_tuning
+from vtbook.experiments.protocols import as_published, fine_tuning, transfer
 from vtbook.maze_run import STARTS
 from vtbook.maze_walks import WalksProbe
 from vtbook.neighbours import GuidedSettings
@@ -34,18 +34,16 @@ MAIN = 8  # the paper's maze, the only one with 3-MGVT
 TARGETS = (0, 6, MAIN, 13)
 
 
-def _target(number: int) -> Protocols | AsPublished:
-    """Transfer to a maze from mazes with their goal elsewhere, to the main one also by the text."""
+def _target(number: int) -> Experiment:
+    """Transfer to a maze from mazes with their goal elsewhere."""
     name = FAMILY.names[number]
     corner = name.rstrip("0123456789")
-    mixtures = (3, 1) if number == MAIN else (1,)
-    published = Experiment(
+    return Experiment(
         name=f"maze-{number}",
         pool=MAZES,
         family=MazeFamily((name,)),
         algorithms={
-            **{f"{c}-MGVT": evolve(PUBLISHED_MGVT, components=c) for c in mixtures},
-            "GVT": PUBLISHED_GVT,
+            **transfer(PUBLISHED_GVT, PUBLISHED_MGVT, (3,) if number == MAIN else ()),
             "DDQN": DDQN,
             **fine_tuning(DDQN),
         },
@@ -55,20 +53,6 @@ def _target(number: int) -> Protocols | AsPublished:
         excluded=tuple(i for i, x in enumerate(FAMILY.names) if x.startswith(corner)),
         each=True,
     )
-    if number != MAIN:
-        return AsPublished(published)
-    equations = evolve(
-        published,
-        name=f"maze-{number}-equations",
-        algorithms={
-            **{f"{c}-MGVT": evolve(MGVT, components=c) for c in mixtures},
-            "GVT": GVT,
-            "DDQN": DDQN,
-        },
-        excluded=(number,),
-        each=False,
-    )
-    return Protocols(published, equations)
 
 
 MAZE_TARGETS = {number: _target(number) for number in TARGETS}
@@ -77,11 +61,11 @@ MAZE_TARGETS = {number: _target(number) for number in TARGETS}
 NT = MellowTDSettings(epsilon_steps=ITERATIONS // 10)
 MAZE_NOTHING = {
     number: evolve(
-        protocols.published,
+        target,
         name="maze-no-transfer" if number == MAIN else f"maze-{number}-no-transfer",
         algorithms={"NT": NT, "NT, guided": GuidedSettings(NT)},
     )
-    for number, protocols in MAZE_TARGETS.items()
+    for number, target in MAZE_TARGETS.items()
 }
 
 
@@ -100,4 +84,4 @@ def _walks(published: Experiment) -> Experiment:
 
 
 WALKED = ("NT", "DDQN", "GVT", "1-MGVT", "3-MGVT")
-MAZE_WALKS = {n: _walks(MAZE_TARGETS[n].published) for n in (MAIN, 13)}
+MAZE_WALKS = {n: _walks(MAZE_TARGETS[n]) for n in (MAIN, 13)}

@@ -3,7 +3,7 @@
 from attrs import evolve
 
 from vtbook.experiments.grids import sliders_of
-from vtbook.experiments.protocols import Protocols, as_published, fine_tuning, transfer
+from vtbook.experiments.protocols import as_published, fine_tuning, transfer
 from vtbook.neighbours import UntouchedSettings
 from vtbook.probes import CourseProbe
 from vtlab.envs.mountain_car import MountainCarFamily
@@ -34,7 +34,7 @@ GVT = Settings(family="gaussian", lambda_=1e-5, minibatch=500, alpha_L=1e-4)
 MGVT = evolve(GVT, family="mixture")
 DDQN = DDQNSettings(epsilon_steps=int(0.15 * ITERATIONS), minibatch=32)
 
-_PUBLISHED = Experiment(
+CAR = Experiment(
     name="mountain-car",
     pool=CARS,
     family=CARS.family,
@@ -47,35 +47,24 @@ _PUBLISHED = Experiment(
     every=200,
     each=True,
 )
-CAR = Protocols(
-    _PUBLISHED,
-    evolve(
-        _PUBLISHED,
-        name="mountain-car-equations",
-        pool=evolve(CARS, name="mountain-car-sources-equations", family=MountainCarFamily()),
-        family=MountainCarFamily(),
-        algorithms={**transfer(GVT, MGVT), "DDQN": DDQN},
-        each=False,
-    ),
-)
 # The mixtures' learner without any source: what their lead over DDQN owes to transfer.
 CAR_NOTHING = evolve(
-    CAR.published,
+    CAR,
     name="mountain-car-no-transfer",
     algorithms={"NT": MellowTDSettings(epsilon_steps=DDQN.epsilon_steps, minibatch=500)},
 )
 # The best of a run's ten sources after one episode of each, left alone.
 CAR_UNTOUCHED = evolve(
-    CAR.published,
+    CAR,
     name="mountain-car-untouched",
     iterations=5_000,
     algorithms={"untouched": UntouchedSettings()},
 )
 # The first run once more, to look at what its networks believe on their way.
 CAR_COURSE = evolve(
-    CAR.published,
+    CAR,
     name="mountain-car-course",
-    algorithms={label: CAR.published.algorithms[label] for label in ("GVT", "1-MGVT")},
+    algorithms={label: CAR.algorithms[label] for label in ("GVT", "1-MGVT")},
     runs=1,
     every=2_500,
     probes=1,
@@ -83,9 +72,9 @@ CAR_COURSE = evolve(
 )
 # Nobody had checked the published sources: they are what so many iterations leave.
 CAR_UNCHECKED = evolve(
-    CAR.published,
+    CAR,
     name="mountain-car-unchecked",
     pool=evolve(CARS, name="mountain-car-sources-unchecked", limit=SOURCE_ITERATIONS),
     algorithms={"GVT": as_published(GVT)},
 )
-CAR_SLIDERS = sliders_of(CAR.published, "mountain-car-sliders", 10, 2_000)
+CAR_SLIDERS = sliders_of(CAR, "mountain-car-sliders", 10, 2_000)

@@ -45,7 +45,7 @@ def weighted(experiment: Experiment, runs: int, runs_per_task: int = 1) -> Exper
 
 
 PRIOR_WEIGHT = {
-    "rooms_evaluation": weighted(ROOMS_EVALUATION.published, 60),
-    "rooms_distribution_change": weighted(ROOMS_CHANGE.published, 60),
-    "rooms_likelihood": weighted(ROOMS_LIKELIHOOD.published, 76, 4),
+    "rooms_evaluation": weighted(ROOMS_EVALUATION, 60),
+    "rooms_distribution_change": weighted(ROOMS_CHANGE, 60),
+    "rooms_likelihood": weighted(ROOMS_LIKELIHOOD, 76, 4),
 }

@@ -1,4 +1,4 @@
-"""The two protocols of every experiment: as its figure was published, and by the equations.
+"""What the published figures were drawn with, where that departs from the thesis' equations.
 
 The thesis' figures were drawn with its authors' code of 2018, which departs from the thesis' text
 in a few places. Each is a field of ``Settings``, ``Experiment`` or a task family; those of a
@@ -6,7 +6,6 @@ posterior are here.
 """
 
 from collections.abc import Sequence
-from typing import NamedTuple
 
 from attrs import evolve
 
@@ -18,19 +17,6 @@ from vtlib.transfer import Settings
 KL_CLIP = 100.0
 # Fine-tuning by its labels: from one source, exploring as without transfer or hardly; or the mean.
 FINE_TUNED, FINE_TUNED_GREEDY, FROM_MEAN = "fine-tuned", "fine-tuned, greedy", "fine-tuned mean"
-
-
-class Protocols(NamedTuple):
-    """One experiment in both protocols, on the same streams of random numbers."""
-
-    published: Experiment
-    equations: Experiment
-
-
-class AsPublished(NamedTuple):
-    """An experiment that was run as published alone."""
-
-    published: Experiment
 
 
 def transfer_settings(experiment: Experiment, label: str) -> Settings:

@@ -1,4 +1,4 @@
-"""The rooms experiments (section 6.1) with the parameters of appendix A.1, in both protocols."""
+"""The rooms experiments (section 6.1) with the parameters of appendix A.1, as published."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -9,7 +9,6 @@ from vtbook.experiments.grids import count_name, sliders_of
 from vtbook.experiments.protocols import (
     FINE_TUNED,
     FINE_TUNED_GREEDY,
-    Protocols,
     as_published,
     fine_tuning,
     one_at_a_time,
@@ -32,22 +31,16 @@ PUBLISHED_GVT = evolve(as_published(GVT), lambda_=1e-3, buffer=PUBLISHED_BUFFER)
 PUBLISHED_MGVT = evolve(as_published(MGVT), buffer=PUBLISHED_BUFFER)
 
 
-def _protocols(
+def _figure(
     name: str,
     pool: Pool,
     family: RoomsFamily,
     *counts: int,
     nt: MellowTDSettings = NT,
     **fields: Any,
-) -> Protocols:
-    """An experiment as published and by the equations, with mixtures of so many components.
-
-    The frontier of the rooms lets agents slide in the published code, and stops them in the text.
-    Fine-tuning, which the thesis does not have, runs as published.
-    """
-    slides = pool.family
-    assert isinstance(slides, RoomsFamily)
-    published = Experiment(
+) -> Experiment:
+    """An experiment as published, with mixtures of so many components, and with fine-tuning."""
+    return Experiment(
         name,
         pool,
         family,
@@ -55,20 +48,20 @@ def _protocols(
         each=True,
         **{"iterations": ITERATIONS, **fields},
     )
-    stopped = evolve(pool, name=f"{pool.name}-equations", family=evolve(slides, stops=True))
-    equations = evolve(
-        published,
-        name=f"{name}-equations",
-        pool=stopped,
-        family=evolve(family, stops=True),
-        algorithms={**transfer(GVT, MGVT, counts), "NT": nt},
-        each=False,
-    )
-    return Protocols(published, equations)
 
 
 THREE_ROOMS = Pool("rooms-3-sources", RoomsFamily(rooms=3))
-ROOMS_EVALUATION = _protocols("rooms-evaluation", THREE_ROOMS, RoomsFamily(rooms=3), 3)
+ROOMS_EVALUATION = _figure("rooms-evaluation", THREE_ROOMS, RoomsFamily(rooms=3), 3)
+# By the equations the frontier of the rooms, along which agents slide otherwise, stops them.
+STOPPING = RoomsFamily(rooms=3, stops=True)
+ROOMS_EVALUATION_EQUATIONS = evolve(
+    ROOMS_EVALUATION,
+    name="rooms-evaluation-equations",
+    pool=evolve(THREE_ROOMS, name="rooms-3-sources-equations", family=STOPPING),
+    family=STOPPING,
+    algorithms={**transfer(GVT, MGVT), "NT": NT},
+    each=False,
+)
 
 PUBLISHED: dict[str, Algorithm] = {"GVT": PUBLISHED_GVT, "1-MGVT": PUBLISHED_MGVT}
 
@@ -77,7 +70,7 @@ PUBLISHED: dict[str, Algorithm] = {"GVT": PUBLISHED_GVT, "1-MGVT": PUBLISHED_MGV
 INGREDIENT_ITERATIONS = 5_000
 # From the published settings to those of the equations, one ingredient at a time; and one lambda.
 ROOMS_INGREDIENTS = evolve(
-    ROOMS_EVALUATION.published,
+    ROOMS_EVALUATION,
     name="rooms-ingredients",
     algorithms={
         **PUBLISHED,
@@ -111,14 +104,14 @@ ROOMS_DEVIATIONS = evolve(
 ROOMS_FRONTIER = evolve(
     ROOMS_INGREDIENTS,
     name="rooms-frontier",
-    family=ROOMS_EVALUATION.equations.family,
+    family=STOPPING,
     algorithms=PUBLISHED,
 )
 ROOMS_RETRAINED = evolve(
     ROOMS_FRONTIER,
     name="rooms-frontier-sources",
-    pool=ROOMS_EVALUATION.equations.pool,
-    family=ROOMS_EVALUATION.published.family,
+    pool=ROOMS_EVALUATION_EQUATIONS.pool,
+    family=THREE_ROOMS.family,
 )
 ROOMS_CORNER = evolve(
     ROOMS_FRONTIER,
@@ -134,14 +127,14 @@ ROOMS_CORNER = evolve(
 )
 
 FIXED_LOWER = 5.0  # where the lower door of every source is, in section 6.1.2
-ROOMS_CHANGE = _protocols(
+ROOMS_CHANGE = _figure(
     "rooms-distribution-change",
     Pool("rooms-3-fixed-lower-sources", RoomsFamily(rooms=3, fixed_lower=FIXED_LOWER)),
     RoomsFamily(rooms=3),
     3,
 )
 TWO_ROOMS = Pool("rooms-2-sources", RoomsFamily(rooms=2))
-ROOMS_EXPLORATION = _protocols(
+ROOMS_EXPLORATION = _figure(
     "rooms-exploration",
     TWO_ROOMS,
     RoomsFamily(rooms=2, fixed_lower=5.0),
@@ -152,18 +145,14 @@ ROOMS_EXPLORATION = _protocols(
 )
 
 LIKELIHOOD_DOORS = (5.0, 1.8)  # mean and standard deviation of the door, in section 6.1.4
-NORMAL = RoomsFamily(rooms=2, normal=LIKELIHOOD_DOORS)
-ROOMS_LIKELIHOOD = _protocols(
+# The published targets are no draws: their doors are half a unit apart.
+ROOMS_LIKELIHOOD = _figure(
     "rooms-likelihood",
-    Pool("rooms-2-normal-sources", NORMAL),
-    NORMAL,
-    runs=400,
+    Pool("rooms-2-normal-sources", RoomsFamily(rooms=2, normal=LIKELIHOOD_DOORS)),
+    RoomsFamily(rooms=2, ladder=19),
+    runs=380,
     runs_per_task=20,
     iterations=4_000,
-)
-# The published targets are no draws: their doors are half a unit apart.
-ROOMS_LIKELIHOOD = ROOMS_LIKELIHOOD._replace(
-    published=evolve(ROOMS_LIKELIHOOD.published, family=RoomsFamily(rooms=2, ladder=19), runs=380)
 )
 
 SOURCE_COUNTS = tuple(range(2, 11))
@@ -183,14 +172,14 @@ def _by_count(experiment: Experiment, numbers: Sequence[int] = SOURCE_COUNTS) ->
     )
 
 
-_COUNTED = _protocols(
+_COUNTED = _figure(
     "rooms-number-of-sources", TWO_ROOMS, RoomsFamily(rooms=2), 2, iterations=1_950, every=50
 )
-ROOMS_SOURCES = Protocols(*map(_by_count, _COUNTED))
+ROOMS_SOURCES = _by_count(_COUNTED)
 # GVT held as loosely as 1-MGVT, by the weight of its prior, lambda / sigma^2.
 ROOMS_SOURCES_LOOSE = _by_count(
     evolve(
-        _COUNTED.published,
+        _COUNTED,
         name="rooms-number-of-sources-loose",
         algorithms={"GVT": evolve(PUBLISHED_GVT, lambda_=1e-5)},
     ),
@@ -200,35 +189,17 @@ ROOMS_SOURCES_LOOSE = _by_count(
 # The published lambda of mixtures and that of GVT, the text's between them, and one on each side.
 ROOMS_LAMBDAS = (1e-8, 1e-6, 1e-4, 1e-3, 1e-2)
 ROOMS_EVALUATION_SLIDERS = sliders_of(
-    ROOMS_EVALUATION.published, "rooms-evaluation-sliders", 10, 3_000, ROOMS_LAMBDAS
-)
-ROOMS_CHANGE_SLIDERS = sliders_of(
-    ROOMS_CHANGE.published, "rooms-distribution-change-sliders", 10, 5_000, ROOMS_LAMBDAS
-)
-ROOMS_EXPLORATION_SLIDERS = evolve(
-    sliders_of(ROOMS_EXPLORATION.published, "rooms-exploration-sliders", 10, 2_000, ROOMS_LAMBDAS),
-    visits=False,
-)
-# One run at each of the published doors.
-ROOMS_LIKELIHOOD_SLIDERS = sliders_of(
-    ROOMS_LIKELIHOOD.published, "rooms-likelihood-sliders", 19, 2_000, ROOMS_LAMBDAS
-)
-SLIDER_COUNTS = (2, 5, 10)
-ROOMS_SOURCES_SLIDERS = _by_count(
-    sliders_of(_COUNTED.published, "rooms-number-of-sources-sliders", 10, 1_950, ROOMS_LAMBDAS),
-    SLIDER_COUNTS,
+    ROOMS_EVALUATION, "rooms-evaluation-sliders", 10, 3_000, ROOMS_LAMBDAS
 )
 
 ROOMS_CALIBRATION = evolve(
-    ROOMS_EVALUATION.published,
+    ROOMS_EVALUATION,
     name="rooms-calibration",
     algorithms={
         "3-MGVT": evolve(PUBLISHED_MGVT, components=3),
         "GVT": PUBLISHED_GVT,
         "GVT, lambda 1e-6": evolve(PUBLISHED_GVT, lambda_=MGVT.lambda_),
         "1-MGVT": PUBLISHED_MGVT,
-        "GVT, equations": GVT,
-        "1-MGVT, equations": MGVT,
     },
     iterations=10_000,
     every=500,

@@ -74,7 +74,7 @@ def _judged(
 
 
 _ROOMS, _CHANGED, _POLES, _CARS = (place.judged() for place in ENVIRONMENTS)
-_MAZE = MAZE_TARGETS[MAIN].published
+_MAZE = MAZE_TARGETS[MAIN]
 DIVERGED = ("Langevin",)  # on cartpole and on both mountain cars, each in one run of thirty
 _BY_FOUR = ("fine-tuned", "1-MGVT", "3-MGVT")
 _LABYRINTH = evolve(

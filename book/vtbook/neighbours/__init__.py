@@ -12,6 +12,7 @@ from vtbook.neighbours.recommended import Recommended
 from vtbook.neighbours.repeated import RepeatedSettings
 from vtbook.neighbours.unstarted import UnstartedSettings
 from vtbook.neighbours.untouched import UntouchedSettings
+from vtbook.neighbours.varied import VariedTrust
 
 __all__ = [
     "GuidedSettings",
@@ -22,4 +23,5 @@ __all__ = [
     "RepeatedSettings",
     "UnstartedSettings",
     "UntouchedSettings",
+    "VariedTrust",
 ]

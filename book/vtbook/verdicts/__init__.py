@@ -1,8 +1,8 @@
-"""The claims of chapter 6, page by page, each judged in both protocols and on the published curves.
+"""The claims of chapter 6, page by page, each judged by our runs and on the published curves.
 
 No bound is a blind prediction: the first edition's runs had been seen. Most bounds were committed
-before the runs that they judge here; those of three rooms and of maze 8, as published, together
-with them, so that which came first cannot be told. The scorecard has the whole table.
+before the runs that they judge here; those of three rooms and of maze 8 together with them, so
+that which came first cannot be told. The scorecard has the whole table.
 """
 
 from collections.abc import Callable, Mapping

@@ -13,12 +13,8 @@ AGAINST = ("DDQN",)
 
 def cartpole() -> list[Claim]:
     """Section 6.2.1, Figure 6.8."""
-    figure, end = Figure(CARTPOLE._asdict(), "cartpole"), 8_900
-    of_mean = {
-        protocol: zero_shot(experiment, weights(experiment.pool), 50, of_mean=True)
-        / figure.runs[protocol]["GVT"].scale
-        for protocol, experiment in CARTPOLE._asdict().items()
-    }
+    figure, end = Figure(CARTPOLE, "cartpole"), 8_900
+    of_mean = zero_shot(CARTPOLE, weights(CARTPOLE.pool), 50, of_mean=True)
     of_ddqn = Runs.of(CARTPOLE_OTHER_SOURCES["ddqn-common"], "1-MGVT")
     return [
         *figure.earns("{} starts near the optimum.", TRANSFER, EARLY, low=OPTIMAL),
@@ -26,7 +22,7 @@ def cartpole() -> list[Claim]:
         Claim(
             "The mean of the prior is near the optimum.",
             "greedy return of the sources' mean before learning, of the optimum",
-            {protocol: mean_interval(shares) for protocol, shares in of_mean.items()},
+            mean_interval(of_mean / figure.runs["GVT"].scale),
             figure.printed["GVT"].share(0, "greedy"),
             low=OPTIMAL,
         ),
@@ -42,7 +38,7 @@ def cartpole() -> list[Claim]:
             "The algorithm that solved the sources does not hinder transfer.",
             "1-MGVT from sources of DDQN minus 1-MGVT from those of this page, learning return at "
             "1,000, of the optimum",
-            {"published": of_ddqn.gain(figure.runs["published"]["1-MGVT"], 1_000)},
+            of_ddqn.gain(figure.runs["1-MGVT"], 1_000),
             None,
             low=0.0,
         ),
@@ -52,7 +48,7 @@ def cartpole() -> list[Claim]:
 
 def mountain_car() -> list[Claim]:
     """Section 6.2.2, Figure 6.10; shares are of the way from never arriving to the optimum."""
-    figure, end = Figure(CAR._asdict(), "mountain-car"), 39_600
+    figure, end = Figure(CAR, "mountain-car"), 39_600
     level = "GVT is level with DDQN: it has no significant advantage."
     negative = "Nor is there negative transfer by {}."
     return [

@@ -32,8 +32,8 @@ FEW, MANY = 2, 10  # sources
 
 def rooms_evaluation() -> list[Claim]:
     """Section 6.1.1, Figure 6.2; its learning curves are drawn to 15,000 iterations."""
-    figure, end = Figure(rooms.ROOMS_EVALUATION._asdict(), "rooms-evaluation"), 14_900
-    solved = figure.runs["published"]["1-MGVT"].optimal(5_000)
+    figure, end = Figure(rooms.ROOMS_EVALUATION, "rooms-evaluation"), 14_900
+    solved = figure.runs["1-MGVT"].optimal(5_000)
     only = "Without transfer the agent only begins to reach the goal after 7,000."
     more = "More components bring no clear advantage."
     return [
@@ -65,8 +65,8 @@ def rooms_evaluation() -> list[Claim]:
 
 def rooms_distribution_change() -> list[Claim]:
     """Section 6.1.2, Figure 6.3."""
-    figure, end = Figure(rooms.ROOMS_CHANGE._asdict(), "rooms-distribution-change"), 14_900
-    doors = load(rooms.ROOMS_CHANGE.published, "tasks").doors.values
+    figure, end = Figure(rooms.ROOMS_CHANGE, "rooms-distribution-change"), 14_900
+    doors = load(rooms.ROOMS_CHANGE, "tasks").doors.values
     away = np.abs(np.abs(doors[:, 0]) - rooms.FIXED_LOWER)
     return [
         *figure.earns("{} reaches optimal performance all the same.", MIXTURES, end, low=OPTIMAL),
@@ -116,7 +116,7 @@ def _coverage(runs: Runs) -> dict[str, np.ndarray]:
 
 def rooms_exploration() -> list[Claim]:
     """Section 6.1.3, Figure 6.4, of which no numbers were published."""
-    figure = Figure(rooms.ROOMS_EXPLORATION._asdict())
+    figure = Figure(rooms.ROOMS_EXPLORATION)
     pair, arrive = ("GVT", "1-MGVT"), "share of runs that ever arrive"
     none = "ε-greedy exploration mostly does not reach the goal."
     at_door = "share of the lower room's visits that lie at the door, by an even spread's"
@@ -130,7 +130,7 @@ def rooms_exploration() -> list[Claim]:
         (clear, nearer, _clear, CLEAR),
     ):
         claims += [figure.claim(text, number, measure, x, low=low) for x in pair]
-    for name in _coverage(figure.runs["published"]["GVT"]):
+    for name in _coverage(figure.runs["GVT"]):
         claims.append(
             figure.claim(
                 wider,
@@ -145,22 +145,18 @@ def rooms_exploration() -> list[Claim]:
 
 
 def rooms_likelihood() -> list[Claim]:
-    """Section 6.1.4, Figure 6.5: returns by the likelihood of the task, in five bins.
-
-    A fifth with a single door has no interval over doors, and is not judged.
-    """
-    bins, end = likelihood.binned(), likelihood.AT[-1]
+    """Section 6.1.4, Figure 6.5: returns by the likelihood of the task, in five bins."""
+    experiment, end = rooms.ROOMS_LIKELIHOOD, likelihood.AT[-1]
+    ours, printed = likelihood.binned(experiment), likelihood.printed(experiment)
     behind = "At {} iterations GVT falls behind 1-MGVT on the unlikeliest tasks."
     claims = []
     for t in likelihood.AT:
-        protocols = rooms.ROOMS_LIKELIHOOD._asdict().items()
-        gaps = {name: likelihood.gap(experiment, t) for name, experiment in protocols}
-        points = (bins["printed"][label, t][0] for label in likelihood.LABELS)
+        points = (printed[label, t][0] for label in likelihood.LABELS)
         claims.append(
             Claim(
                 behind.format(f"{t:,}"),
                 "GVT minus 1-MGVT in the lowest fifth of the likelihood, of the optimum",
-                {name: gap for name, gap in gaps.items() if np.isfinite(gap.low)},
+                likelihood.gap(experiment, t),
                 difference(*points),
                 high=0.0,
                 fact=behind,
@@ -170,16 +166,15 @@ def rooms_likelihood() -> list[Claim]:
         (f"At {end:,} 1-MGVT is optimal for all tasks, however likely.", "1-MGVT", OPTIMAL, np.inf),
         (f"At {end:,} GVT is not.", "GVT", -np.inf, OPTIMAL),
     ):
-        worst = {name: _worst(x[label, end]) for name, x in bins.items()}
         number = "learning return in the worst fifth of several doors, of the optimum there"
-        printed, ours = worst.pop("printed"), label == "GVT"
-        claims.append(Claim(text, number, worst, printed, low, high, ours=ours))
+        worst, theirs = (_worst(bins[label, end]) for bins in (ours, printed))
+        claims.append(Claim(text, number, worst, theirs, low, high, ours=label == "GVT"))
     return claims
 
 
 def _worst(fifths: Sequence[Interval]) -> Interval:
     """The fifth whose interval begins lowest."""
-    return min((fifth for fifth in fifths if np.isfinite(fifth.low)), key=lambda fifth: fifth.low)
+    return min(fifths, key=lambda fifth: fifth.low)
 
 
 def _printed_by_count(scale: float) -> dict[str, Printed]:
@@ -196,9 +191,9 @@ def _printed_by_count(scale: float) -> dict[str, Printed]:
 
 def rooms_number_of_sources() -> list[Claim]:
     """Section 6.1.5, Figure 6.6."""
-    protocols, (first, last) = rooms.ROOMS_SOURCES._asdict(), SOURCES_AT
-    scale = Runs.of(protocols["published"], count_name("GVT", FEW)).scale
-    figure = Figure(protocols, printed=_printed_by_count(scale))
+    experiment, (first, last) = rooms.ROOMS_SOURCES, SOURCES_AT
+    scale = Runs.of(experiment, count_name("GVT", FEW)).scale
+    figure = Figure(experiment, printed=_printed_by_count(scale))
     half = "At {} iterations GVT from two sources earns about half of what {} does."
     grows = f"The gap of GVT from two sources to {{}} grows until {last:,} iterations."
     alike = "At {} iterations GVT and {} are alike from many sources."

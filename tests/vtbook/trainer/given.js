@@ -18,7 +18,7 @@ const read = (files, names) => {
 const KINDS = { 226: "cartpole", 387: "mountain_car" }; // by their weights
 const kind = KINDS[given.weights];
 const scripts = [...(kind ? ["stage_drive.js", `stage_${kind}.js`] : ["stage_rooms.js"]), "trainer.js"];
-const panel = read(scripts, `STAGE, NUMBERS, chosen, lambdaOf, scientific${kind ? ", byHand" : ", colour, held, moved, shareOf, wallsOf"}`);
+const panel = read(scripts, `STAGE, NUMBERS, chosen, lambdaOf, scientific, weightOf${kind ? ", byHand" : ", colour, held, moved, shareOf, wallsOf"}`);
 const worker = read(["promises.js", "trainer_worker.js", "stage_rooms_worker.js"], "Record, Run, Training, bandsOf, choose, decodePool, gaussianPrior, features, mapsOf");
 const { states, arrives } = panel.STAGE;
 module.exports = {

@@ -50,6 +50,7 @@ test("keys move a door within its range, and numbers, colours and walls are as d
   assert.equal(panel.moved(5, "Tab"), undefined);
   assert.equal(panel.scientific(-6), "10⁻⁶");
   assert.equal(panel.scientific(-4.5), "3.2 · 10⁻⁵");
+  assert.equal(panel.weightOf(1e-6, { scale: 1e5 }), "0.1");
   assert.notEqual(panel.colour(0), panel.colour(1));
   const shares = [1e-5, 1e-3, 1, 3].map((x) => panel.shareOf("deviation", x));
   shares.forEach((share, i) => close(share, [0, 0, 1, 1][i]));
