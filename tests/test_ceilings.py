@@ -12,10 +12,10 @@ from bs4 import BeautifulSoup, Tag
 WORDS = {
     "index": 350,
     "introduction": 830,
-    "background": 1270,
+    "background": 1080,
     "setting": 840,
     "related": 900,
-    "method": 1930,
+    "method": 1680,
     "experiments": 250,
     "rooms_evaluation": 590,
     "rooms_distribution_change": 440,
@@ -34,7 +34,7 @@ WORDS = {
     "conclusions": 460,
 }
 APPENDIX = "parameters", "scorecard", "deviations", "reproducing", "glossary"
-APPENDIX_WORDS = 4050
+APPENDIX_WORDS = 2740
 BYTES = 900e3
 INTERVALS = 40
 NUMBERS = 2  # in a sentence, an interval not counted: it belongs to the number before it
