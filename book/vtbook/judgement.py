@@ -8,6 +8,7 @@ from attrs import frozen
 from vtbook.comparisons import holm, paired_p
 from vtbook.experiments.compared import mean_shares
 from vtbook.experiments.trust import LOSS, OURS, PARTED, PLACES, Place
+from vtbook.experiments.trust_search import SEARCH
 from vtlab.stats import Interval, difference_interval
 
 LEVEL = 0.05
@@ -73,4 +74,15 @@ def parted(title: str) -> dict[str, Interval]:
     return {
         label: difference_interval(earned(place)[OURS], mean_shares(fewer, label, place.first))
         for label in fewer.algorithms
+    }
+
+
+def searched(title: str) -> dict[str, Interval]:
+    """What each change of the learning part gains in a place for tuning, by the change."""
+    runs, first = SEARCH[title], {place.title: place.first for place in PLACES}.get(title, 0)
+    shares = {x: mean_shares(runs, x, first) for x in runs.algorithms}
+    return {
+        label: difference_interval(values, shares[OURS])
+        for label, values in shares.items()
+        if label != OURS
     }

@@ -1,15 +1,11 @@
-"""Tables as HTML: claims with their verdicts, how a figure was computed, and robust numbers."""
+"""Tables as HTML: claims with their verdicts, and numbers for the text."""
 
 import html
-from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
+from collections.abc import Iterable, Sequence
 
-import attrs
 import numpy as np
 
 from vtbook.claims import VERDICTS, Claim
-from vtbook.costs import Cost
-from vtlab.experiment import Experiment
 from vtlab.stats import Interval
 
 Row = Sequence[str]
@@ -31,10 +27,6 @@ def html_table(head: Row, rows: Iterable[Row], caption: str = "") -> str:
     return f"<table>{above}<thead><tr>{heads}</tr></thead><tbody>{body}</tbody></table>"
 
 
-UNCOUNTED = (
-    "Steps on sources are those of training. What was played to check them, 200 episodes or more "
-    "at each check, is not counted, and can be more than that."
-)
 OURS, PUBLISHED = "Our runs", "Published curve"
 MET = (
     "<em>Met</em>: the share of iterations at which our interval meets the published one; "
@@ -96,76 +88,6 @@ def tally(pages: Iterable[Sequence[Claim]]) -> dict[str, int]:
     """How many facts of the thesis' own have each verdict, by pages of claims."""
     verdicts = [x for claims in pages for x in fact_verdicts(x for x in claims if not x.ours)]
     return {verdict: verdicts.count(verdict) for verdict in VERDICTS}
-
-
-def cost_of_sources_table(costs: Mapping[str, Cost]) -> str:
-    """What sources cost each algorithm, and what they save of the steps of one task."""
-    head = ["algorithm", "steps on sources", "steps to solve a task", "without transfer"]
-    head += ["saved per task", "never solved", "tasks until it has paid"]
-    rows = [
-        [
-            label,
-            f"{cost.sources:,.0f}",
-            f"{cost.with_transfer.mean():,.0f}",
-            f"{cost.without.mean():,.0f}",
-            words(cost.saved, "z,.0f"),
-            f"{cost.unsolved} of {len(cost.without)}; {cost.unsolved_without} without transfer",
-            _paid(cost),
-        ]
-        for label, cost in costs.items()
-    ]
-    return html_table(head, rows, UNCOUNTED)
-
-
-def _paid(cost: Cost) -> str:
-    """After how many tasks transfer has paid, with the interval that the steps saved give."""
-    if cost.saved.low <= 0:
-        return "not shown to pay" if cost.saved.high > 0 else "never"
-    least, most = (np.ceil(cost.sources / x) for x in (cost.saved.high, cost.saved.low))
-    return f"{np.ceil(cost.tasks):,.0f} ({least:,.0f} to {most:,.0f})"
-
-
-def settings_table(experiment: Experiment) -> str:
-    """Every parameter of every algorithm of an experiment, from the configuration it ran with."""
-    groups: dict[Any, list[str]] = {}
-    for label, algorithm in experiment.algorithms.items():
-        groups.setdefault(algorithm, []).append(label)
-    settings = [attrs.asdict(algorithm) for algorithm in groups]
-    # with those of the learner inside them as their own
-    settings = [{**parameters.pop("learner", {}), **parameters} for parameters in settings]
-    names = dict.fromkeys(name for algorithm in settings for name in algorithm)
-    rows = [[name, *(_text(algorithm.get(name)) for algorithm in settings)] for name in names]
-    return html_table(["parameter", *map(_span, groups.values())], rows)
-
-
-def _span(labels: Sequence[str]) -> str:
-    return labels[0] if len(labels) == 1 else f"{labels[0]} to {labels[-1]}"
-
-
-def _text(value: object) -> str:
-    return "" if value is None else f"{value:g}" if isinstance(value, float) else str(value)
-
-
-def cost_table(notes: Iterable[Mapping[str, Any]]) -> str:
-    """Seconds, machine and versions of stored results, from the provenance of each.
-
-    Algorithms of one owner with equal parameters share a row.
-    """
-    of_label = {(note["owner"], note["label"]): note for note in notes}
-    groups: dict[str, list[Mapping[str, Any]]] = {}
-    for (owner, label), note in of_label.items():
-        algorithm = note["config"].get("algorithm", label)
-        groups.setdefault(f"{owner} {algorithm}", []).append(note)
-    rows = [
-        [
-            f"{group[0]['owner']}/{_span([note['label'] for note in group])}",
-            f"{sum(note['seconds'] for note in group):.0f}",
-            group[0]["machine"]["processor"],
-            "torch {torch}, numpy {numpy}".format(**group[0]["machine"]),
-        ]
-        for group in groups.values()
-    ]
-    return html_table(["stored result", "seconds of one core", "processor", "versions"], rows)
 
 
 def words(value: Interval | np.ndarray | float | str, form: str = "z.2f") -> str:

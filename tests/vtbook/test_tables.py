@@ -1,21 +1,10 @@
-"""Tables: facts counted once, and costs added up."""
-
-import re
-from html import unescape
+"""Tables: facts counted once."""
 
 import pytest
 
 from vtbook import tables
 from vtbook.claims import NOT, REPRODUCED, STRONGER, UNDECIDED, Claim
 from vtlab.stats import Interval
-
-
-def rows_of(html):
-    """Text of every cell, row by row, the head first."""
-    shown = re.sub("<span class='head'>.*?</span>", "", html)
-    rows = re.findall(r"<tr>(.*?)</tr>", shown)
-    return [[unescape(x) for x in re.findall(r"<t[hd][^>]*>(.*?)</t[hd]>", row)] for row in rows]
-
 
 IN, OUT, ACROSS = Interval(0.5, 0.4, 0.6), Interval(1.5, 1.4, 1.6), Interval(0.95, 0.8, 1.1)
 
@@ -48,26 +37,3 @@ def test_a_fact_of_several_rows_counts_once_by_the_worst_of_them(numbers, verdic
     rows = [claim_of(f"Row {i}.", x, fact="Row {}.") for i, x in enumerate(numbers)]
     assert tables.fact_verdicts(rows) == [verdict]
     assert sum(tables.tally([rows]).values()) == 1
-
-
-def note(label, seconds, owner="rooms", **algorithm):
-    machine = {"processor": f"of {owner}", "torch": "2.9", "numpy": "2.4"}
-    about = {"owner": owner, "label": label, "seconds": seconds, "machine": machine}
-    return about | {"config": {"algorithm": algorithm} if algorithm else {}}
-
-
-def test_the_cost_adds_up_what_is_alike():
-    notes = [
-        note("tasks", 2.4),
-        note("A-from-2", 10.3, psi=0.5),
-        note("B", 5, psi=0.6),
-        note("A-from-3", 20.3, psi=0.5),
-        note("A-from-3", 1, "other", psi=0.5),
-    ]
-    versions = "torch 2.9, numpy 2.4"
-    assert rows_of(tables.cost_table(notes))[1:] == [
-        ["rooms/tasks", "2", "of rooms", versions],
-        ["rooms/A-from-2 to A-from-3", "31", "of rooms", versions],
-        ["rooms/B", "5", "of rooms", versions],
-        ["other/A-from-3", "1", "of other", versions],
-    ]
