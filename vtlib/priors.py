@@ -186,13 +186,13 @@ def _log_diagonal(factor: Tensor) -> Tensor:
     return factor.diagonal(dim1=-2, dim2=-1).log().sum(-1)
 
 
-def responsibilities(pairwise: Tensor, updates: int | None = None) -> tuple[Tensor, Tensor]:
+def responsibilities(pairwise: Tensor) -> tuple[Tensor, Tensor]:
     """log(theta) and log(phi) that tighten the bound of eq. 5.13, by eqs. 5.14 and 5.15.
 
     pairwise: (..., C, S), the KL of posterior component i from prior component j, both mixtures
-    equally weighted. Runs from uniform phi to convergence, or for a given number of updates, in
-    logarithms: the KLs reach 1e6 and exp(-KL) would vanish. Both results are float64 of shape
-    (..., C, S); theta sums to 1/C over j, phi to 1/S over i. Source: Hershey and Olsen (2007).
+    equally weighted. Runs from uniform phi to convergence in logarithms: the KLs reach 1e6 and
+    exp(-KL) would vanish. Both results are float64 of shape (..., C, S); theta sums to 1/C over j,
+    phi to 1/S over i. Source: Hershey and Olsen (2007).
     """
     # distances of 1e6 leave float32 no digits for the logarithms' differences
     pairwise = pairwise.double()
@@ -201,18 +201,16 @@ def responsibilities(pairwise: Tensor, updates: int | None = None) -> tuple[Tens
     log_theta = _theta(log_phi, pairwise)
     moving = torch.ones_like(pairwise[..., :1, :1], dtype=torch.bool)
     # with one component phi is fixed by its constraint, and theta is exact at once
-    count = 0 if components == 1 else MAX_UPDATES if updates is None else updates
-    for _ in range(count):
+    for _ in range(MAX_UPDATES if components > 1 else 0):
         new_phi = log_theta - log_theta.logsumexp(-2, keepdim=True) - math.log(sources)
         new_theta = _theta(new_phi, pairwise)
         # each run stops by itself, so that its numbers do not depend on its neighbours
         log_phi = torch.where(moving, new_phi, log_phi)
         change = (new_theta.exp() - log_theta.exp()).abs().amax((-2, -1), keepdim=True)
         log_theta = torch.where(moving, new_theta, log_theta)
-        if updates is None:
-            moving = moving & (change >= TOLERANCE)
-            if not moving.any():
-                break
+        moving = moving & (change >= TOLERANCE)
+        if not moving.any():
+            break
     return log_theta, log_phi
 
 
