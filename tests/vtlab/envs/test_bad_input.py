@@ -61,7 +61,6 @@ OTHER_VECTORS = (torch.ones(3), torch.ones(2, 1), torch.tensor(1.0), ONES.double
         (RoomsEnv, {"doors": ((5.0, 5.0), (5.0, 5.0))}, "doors must have shape"),
         (CartpoleEnv, {"half_length": [1.0, 1.0]}, "half_length must be a number or have shape"),
         (MazeEnv, {"maze": "north 1"}, "maze must be one of .*, got 'north 1'"),
-        *((x, {"horizon": 0}, "horizon must be a whole number from 1") for x in ENVIRONMENTS),
         *((x, {"render_mode": "human"}, "render_mode must be None or") for x in ENVIRONMENTS),
     ],
 )  # fmt: skip
