@@ -174,13 +174,13 @@ def test_far_sources_in_484_dimensions(components):
         pairwise = pairwise_kl(Gaussian(mu, L), w, 1e-5)
         assert 1e5 < pairwise.max() < 1e7
         assert torch.isfinite(tight_bound(pairwise))
-        assert torch.isfinite(priors.pull_of_sources(mu, w, 1e-5)).all()
+        assert torch.isfinite(MixturePrior(w, 1e-5).pull(mu)).all()
     # where each component explains its own source, log S - log C is what remains
     q = Gaussian(w[:components].double(), L.double())
     bound = tight_bound(pairwise_kl(q, w.double(), 1e-5))
     assert bound.item() == pytest.approx(math.log(10 / components), abs=1e-9)
     # Adam divides by the gradient's size: a mere rounding error would move the means
-    assert not priors.pull_of_sources(w[:components], w, 1e-5).any()
+    assert not MixturePrior(w, 1e-5).pull(w[:components]).any()
 
 
 @pytest.mark.parametrize(("components", "sources"), CASES)
@@ -192,7 +192,7 @@ def test_pull_is_the_gradient_of_the_tightened_bound(components, sources):
     ends = Gaussian(torch.stack([wide + steps, wide - steps]), q.scale_tril)
     above, below = tight_bound(pairwise_kl(ends, w, variance), 1000)
     slopes = ((above - below) / (2 * h)).view_as(wide)
-    close(priors.pull_of_sources(wide, w, variance), slopes, rtol=0, atol=0.01)
+    close(MixturePrior(w, variance).pull(wide), slopes, rtol=0, atol=0.01)
 
 
 @pytest.mark.parametrize("components", [1, 2, 5])
@@ -207,7 +207,7 @@ def test_mixture_prior_starts_on_different_sources_or_at_their_mean(components):
     for start in (on, mean):
         assert (start.variance, start.spread) == (0.5, None)
         start.mu.add_(1.0)
-        close(prior.pull(start.mu), priors.pull_of_sources(start.mu, before, 0.5))
+        close(prior.pull(start.mu), MixturePrior(before, 0.5).pull(start.mu))
 
 
 def test_equal_responsibilities_are_the_bound_with_a_uniform_table():

@@ -176,7 +176,6 @@ class DDQN(EpsilonGreedyLearner):
             self._target = self.mu.detach().clone()
 
     def keep(self, rows: Sequence[int]) -> None:
-        """Go on with some of the runs, by their places in the batch, in that order."""
         super().keep(rows)
         self._target = self._target[rows]
 

@@ -103,7 +103,12 @@ class MixturePrior:
         if self._equal:
             toward = mu - self._sources.mean(1, keepdim=True)
             return toward / (self._variance * mu.shape[1])
-        return pull_of_sources(mu, self._sources, self._variance)
+        # what a component's own covariance adds to its KLs is the same for every source, and
+        # cancels from eq. 5.15
+        differences = _differences(mu, self._sources)
+        log_theta, _ = responsibilities((differences * differences).sum(-1) / (2 * self._variance))
+        pull = log_theta.exp().to(mu.dtype).unsqueeze(-2) @ differences
+        return pull.squeeze(-2) / self._variance
 
 
 def sources_mean_and_spread(sources: Tensor, ddof: int = 0) -> tuple[Tensor, Tensor]:
@@ -244,14 +249,3 @@ def pairwise_kl(q: Gaussian, sources: Tensor, variance: float) -> Tensor:
 def _differences(mu: Tensor, sources: Tensor) -> Tensor:
     # expanding the square instead would lose the digits that a variance of 1e-5 needs
     return mu.unsqueeze(-2) - sources.unsqueeze(-3)
-
-
-def pull_of_sources(mu: Tensor, sources: Tensor, variance: float) -> Tensor:
-    """Gradient (..., C, d) of the tightened bound with respect to the means.
-
-    Only the distances matter: what a component's own covariance adds to its KLs is the same for
-    every source and cancels from eq. 5.15.
-    """
-    differences = _differences(mu, sources)
-    log_theta, _ = responsibilities((differences * differences).sum(-1) / (2 * variance))
-    return (log_theta.exp().to(mu.dtype).unsqueeze(-2) @ differences).squeeze(-2) / variance

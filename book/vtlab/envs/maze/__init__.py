@@ -45,7 +45,6 @@ class MazeFamily(TaskFamily):
         return torch.stack([returns[maze] for maze in mazes])
 
     def sample(self, rng: np.random.Generator, count: int) -> Mazes:
-        """Draw `count` tasks, independent and alike. Raises ValueError when count < 1."""
         check_whole("count", count)
         return Mazes.of([self.names[i] for i in rng.integers(len(self.names), size=count)])
 
