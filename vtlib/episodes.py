@@ -110,7 +110,6 @@ def check_environment(env: object) -> None:
 
 def _sizes(env: gymnasium.Env) -> tuple[int, int]:
     """Numbers of an observation and of actions; ValueError for spaces of another kind."""
-    check_environment(env)
     box, discrete = env.observation_space, env.action_space
     if not (isinstance(box, Box) and len(box.shape) == 1):
         remedy = "gymnasium.wrappers.FlattenObservation makes one of most"

@@ -6,7 +6,6 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from vtlib.checks import check_positive, check_whole
 from vtlib.qfunctions import check_observations
 
 # Features below float32's rounding of their sum are set to zero. They and their products would
@@ -24,8 +23,6 @@ class RBFLinear:
     """
 
     def __init__(self, centers: Tensor, variance: float, n_actions: int) -> None:
-        check_positive("variance", variance)
-        check_whole("n_actions", n_actions)
         self.n_actions = self.width = n_actions
         self.d = n_actions * len(centers) ** 2
         self._centers = centers
