@@ -13,7 +13,7 @@ from attrs import evolve, frozen
 from numpy.typing import ArrayLike
 from torch import Tensor
 
-from vtlib.checks import check_kind, check_whole, shown
+from vtlib.checks import check_whole, shown
 from vtlib.qfunctions import QFunction
 from vtlib.rng import generator
 
@@ -73,12 +73,6 @@ class ParameterBatch(TaskBatch):
     def __attrs_post_init__(self) -> None:
         for name in self.parameters:
             value = getattr(self, name)
-            check_kind(name, value, Tensor)
-            if value.ndim != 1 or len(value) != len(self) or value.dtype != torch.float32:
-                raise ValueError(
-                    f"parameters must be float32 vectors of one length, got {name} of shape "
-                    f"{tuple(value.shape)} and type {value.dtype}"
-                )
             # Written so that NaN is refused too.
             wrong = ~((value > 0) & (value < math.inf))
             if bool(wrong.any()):
