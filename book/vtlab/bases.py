@@ -1,7 +1,6 @@
 """Q-functions that are linear in radial bases of two coordinates, as the rooms have them."""
 
 from collections.abc import Callable
-from typing import Any
 
 import torch
 from torch import Tensor
@@ -27,10 +26,6 @@ class RBFLinear:
         self.d = n_actions * len(centers) ** 2
         self._centers = centers
         self._rate = 0.5 / variance
-
-    def sizes_of_parts(self) -> dict[str, Any]:
-        """Centres and variance, for a file."""
-        return {"centers": self._centers.tolist(), "variance": 0.5 / self._rate}
 
     def prepare(self, obs: Tensor) -> Tensor:
         """Features (R, m * m, B), one column per observation of (R, B, 2)."""

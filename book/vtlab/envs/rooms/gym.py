@@ -6,7 +6,6 @@ from typing import Any
 import numpy as np
 from gymnasium import spaces
 
-from vtlab.envs.base import float_array
 from vtlab.envs.gym import TasksEnv
 from vtlab.envs.rooms.tasks import SIDE, Rooms
 
@@ -26,8 +25,7 @@ class RoomsEnv(TasksEnv):
     def __init__(
         self, doors: Sequence[float] = (5.0, 5.0), uniform_start: bool = False, **options: Any
     ) -> None:
-        centres = float_array("doors", doors)
-        if centres.ndim != 1:
-            raise ValueError(f"doors must have shape (W,), got {centres.shape}")
-        space = spaces.Box(0.0, SIDE, (Rooms.obs_dim,), np.float32)
-        super().__init__(Rooms.from_doors(centres, uniform_start), space, **options)
+        tasks = Rooms.from_doors(doors, uniform_start)
+        if len(tasks) != 1:
+            raise ValueError(f"doors must have shape (W,), got {tuple(tasks.doors.shape)}")
+        super().__init__(tasks, spaces.Box(0.0, SIDE, (Rooms.obs_dim,), np.float32), **options)
