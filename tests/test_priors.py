@@ -88,8 +88,17 @@ def test_a_gaussian_prior_has_the_moments_of_its_sources(
         close(prior.pull(mu), inverse.sum(1, keepdim=True))
 
 
+def tables(pairwise, updates):
+    """Responsibilities after so many updates, however little they still change."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(priors, "MAX_UPDATES", updates)
+        patch.setattr(priors, "TOLERANCE", 0.0)
+        return priors.responsibilities(pairwise)
+
+
 def tight_bound(pairwise, updates=None):
-    return kl_bound(pairwise, *priors.responsibilities(pairwise, updates))
+    found = tables(pairwise, updates) if updates is not None else priors.responsibilities(pairwise)
+    return kl_bound(pairwise, *found)
 
 
 def torch_mixture(mu, L):
@@ -126,16 +135,16 @@ def test_updates_never_raise_the_bound_and_keep_the_marginals(components, source
     slack = 1e-12 * (1 + abs(bounds[0]))
     assert all(later <= sooner + slack for sooner, later in itertools.pairwise(bounds))
     assert tight_bound(pairwise).item() <= bounds[1] + slack
-    for updates in (0, 1, 7, None):
-        theta, phi = (x.exp() for x in priors.responsibilities(pairwise, updates))
+    for found in (*(tables(pairwise, k) for k in (0, 1, 7)), priors.responsibilities(pairwise)):
+        theta, phi = (x.exp() for x in found)
         close(theta.sum(1), torch.full((components,), 1 / components).double())
         close(phi.sum(0), torch.full((sources,), 1 / sources).double())
 
 
 def test_one_update_is_equations_5_14_and_5_15():
     pairwise = draw(3, 4).square()
-    theta_before = priors.responsibilities(pairwise, 6)[0].exp()
-    theta, phi = (x.exp() for x in priors.responsibilities(pairwise, 7))
+    theta_before = tables(pairwise, 6)[0].exp()
+    theta, phi = (x.exp() for x in tables(pairwise, 7))
     close(phi, theta_before / theta_before.sum(0) / 4)
     boltzmann = phi * (-pairwise).exp()
     close(theta, boltzmann / boltzmann.sum(1, keepdim=True) / 3)
@@ -165,13 +174,13 @@ def test_far_sources_in_484_dimensions(components):
         pairwise = pairwise_kl(Gaussian(mu, L), w, 1e-5)
         assert 1e5 < pairwise.max() < 1e7
         assert torch.isfinite(tight_bound(pairwise))
-        assert torch.isfinite(priors.pull_of_sources(mu, w, 1e-5)).all()
+        assert torch.isfinite(MixturePrior(w, 1e-5).pull(mu)).all()
     # where each component explains its own source, log S - log C is what remains
     q = Gaussian(w[:components].double(), L.double())
     bound = tight_bound(pairwise_kl(q, w.double(), 1e-5))
     assert bound.item() == pytest.approx(math.log(10 / components), abs=1e-9)
     # Adam divides by the gradient's size: a mere rounding error would move the means
-    assert not priors.pull_of_sources(w[:components], w, 1e-5).any()
+    assert not MixturePrior(w, 1e-5).pull(w[:components]).any()
 
 
 @pytest.mark.parametrize(("components", "sources"), CASES)
@@ -183,7 +192,7 @@ def test_pull_is_the_gradient_of_the_tightened_bound(components, sources):
     ends = Gaussian(torch.stack([wide + steps, wide - steps]), q.scale_tril)
     above, below = tight_bound(pairwise_kl(ends, w, variance), 1000)
     slopes = ((above - below) / (2 * h)).view_as(wide)
-    close(priors.pull_of_sources(wide, w, variance), slopes, rtol=0, atol=0.01)
+    close(MixturePrior(w, variance).pull(wide), slopes, rtol=0, atol=0.01)
 
 
 @pytest.mark.parametrize("components", [1, 2, 5])
@@ -198,7 +207,7 @@ def test_mixture_prior_starts_on_different_sources_or_at_their_mean(components):
     for start in (on, mean):
         assert (start.variance, start.spread) == (0.5, None)
         start.mu.add_(1.0)
-        close(prior.pull(start.mu), priors.pull_of_sources(start.mu, before, 0.5))
+        close(prior.pull(start.mu), MixturePrior(before, 0.5).pull(start.mu))
 
 
 def test_equal_responsibilities_are_the_bound_with_a_uniform_table():

@@ -10,7 +10,7 @@ import torch
 from attrs import field, frozen
 from torch import Tensor
 
-from vtlib.checks import HUGE, between, check_kind, check_weights, kind, one_of, positive, whole
+from vtlib.checks import HUGE, between, check_weights, kind, one_of, positive, whole
 from vtlib.qfunctions import QFunction, greedy
 from vtlib.replay import ReplayBuffer, Transition
 from vtlib.rng import Rng
@@ -91,15 +91,12 @@ class EpsilonGreedyLearner(ABC):
 
     w: (R, d) initial weights, copied. rng gives the streams "exploration" (epsilon-greedy actions)
     and "replay" (minibatches). ``mu`` (R, 1, d) are the current weights. Raises ValueError when
-    weights are not finite, float32 or of another shape, or settings those of another algorithm.
+    weights are not finite, float32 or of another shape.
     """
-
-    needs: ClassVar[type[LearnerSettings]]  # the settings of the algorithm
 
     def __init__(
         self, q: QFunction, w: Tensor, obs_dim: int, settings: LearnerSettings, rng: Rng
     ) -> None:
-        check_kind("settings", settings, self.needs)
         check_weights("weights", w, "run", q.d, tensor=True)
         rng.check_rows(len(w))
         self._q, self._settings = q, settings
@@ -148,7 +145,6 @@ class EpsilonGreedyLearner(ABC):
 class MellowTD(EpsilonGreedyLearner):
     """Direct minimisation of the squared mellow TD error (eq. 5.4)."""
 
-    needs = MellowTDSettings
     _settings: MellowTDSettings
 
     def _gradient(self, batch: Transition) -> Tensor:
@@ -162,7 +158,6 @@ class DDQN(EpsilonGreedyLearner):
     The loss is Huber's, quadratic up to an error of 1. Source: van Hasselt, Guez and Silver (2016).
     """
 
-    needs = DDQNSettings
     _settings: DDQNSettings
 
     def __init__(self, *arguments: Any, **named: Any) -> None:
@@ -176,7 +171,6 @@ class DDQN(EpsilonGreedyLearner):
             self._target = self.mu.detach().clone()
 
     def keep(self, rows: Sequence[int]) -> None:
-        """Go on with some of the runs, by their places in the batch, in that order."""
         super().keep(rows)
         self._target = self._target[rows]
 

@@ -6,14 +6,11 @@ from typing import Any
 import gymnasium
 import numpy as np
 import torch
-from gymnasium.spaces import Box, Dict, Discrete, MultiBinary, MultiDiscrete, Tuple
+from gymnasium.spaces import Box, Discrete
 from torch import Tensor
 
 from vtlib.checks import check_kind, shown
 from vtlib.replay import Transition
-
-# gymnasium.wrappers.FlattenObservation makes one Box of these spaces, unless they hold others
-FLATTENED = Box, Discrete, MultiDiscrete, MultiBinary, Dict, Tuple
 
 
 class Returns:
@@ -111,34 +108,12 @@ def check_environment(env: object) -> None:
     check_kind("each of envs", env, gymnasium.Env)
 
 
-def _flattens(space: gymnasium.Space[Any]) -> bool:
-    try:
-        return isinstance(space, FLATTENED) and space.is_np_flattenable
-    except NotImplementedError:
-        # A space from elsewhere, such as that of MiniGrid's missions, may leave the question open.
-        # FlattenObservation fails on it, so the advice to use it would be wrong.
-        return False
-
-
-def _flattening(space: gymnasium.Space[Any]) -> str:
-    """What makes one Box of a space, as the end of an error; nothing where nothing does."""
-    if _flattens(space):
-        image = isinstance(space, Box) and len(space.shape) == 3 and min(space.shape[:2]) > 16
-        first = "GrayscaleObservation and ResizeObservation make it small, and " if image else ""
-        return f"; {first}gymnasium.wrappers.FlattenObservation makes one of it"
-    kept = [x for x, part in getattr(space, "spaces", {}).items() if _flattens(part)]
-    if isinstance(space, Dict) and kept:
-        return f"; FlattenObservation(FilterObservation(env, {kept})) makes one of a part of it"
-    return ""
-
-
 def _sizes(env: gymnasium.Env) -> tuple[int, int]:
     """Numbers of an observation and of actions; ValueError for spaces of another kind."""
-    check_environment(env)
     box, discrete = env.observation_space, env.action_space
     if not (isinstance(box, Box) and len(box.shape) == 1):
-        remedy = _flattening(box)
-        raise ValueError(f"needs a one-dimensional Box observation space, got {box}{remedy}")
+        remedy = "gymnasium.wrappers.FlattenObservation makes one of most"
+        raise ValueError(f"needs a one-dimensional Box observation space, got {box}; {remedy}")
     if not isinstance(discrete, Discrete):
         remedy = "gymnasium.wrappers.TransformAction can map a few numbers to actions"
         need = f"needs a Discrete action space, got {discrete}"

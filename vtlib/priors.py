@@ -103,7 +103,12 @@ class MixturePrior:
         if self._equal:
             toward = mu - self._sources.mean(1, keepdim=True)
             return toward / (self._variance * mu.shape[1])
-        return pull_of_sources(mu, self._sources, self._variance)
+        # what a component's own covariance adds to its KLs is the same for every source, and
+        # cancels from eq. 5.15
+        differences = _differences(mu, self._sources)
+        log_theta, _ = responsibilities((differences * differences).sum(-1) / (2 * self._variance))
+        pull = log_theta.exp().to(mu.dtype).unsqueeze(-2) @ differences
+        return pull.squeeze(-2) / self._variance
 
 
 def sources_mean_and_spread(sources: Tensor, ddof: int = 0) -> tuple[Tensor, Tensor]:
@@ -186,13 +191,13 @@ def _log_diagonal(factor: Tensor) -> Tensor:
     return factor.diagonal(dim1=-2, dim2=-1).log().sum(-1)
 
 
-def responsibilities(pairwise: Tensor, updates: int | None = None) -> tuple[Tensor, Tensor]:
+def responsibilities(pairwise: Tensor) -> tuple[Tensor, Tensor]:
     """log(theta) and log(phi) that tighten the bound of eq. 5.13, by eqs. 5.14 and 5.15.
 
     pairwise: (..., C, S), the KL of posterior component i from prior component j, both mixtures
-    equally weighted. Runs from uniform phi to convergence, or for a given number of updates, in
-    logarithms: the KLs reach 1e6 and exp(-KL) would vanish. Both results are float64 of shape
-    (..., C, S); theta sums to 1/C over j, phi to 1/S over i. Source: Hershey and Olsen (2007).
+    equally weighted. Runs from uniform phi to convergence in logarithms: the KLs reach 1e6 and
+    exp(-KL) would vanish. Both results are float64 of shape (..., C, S); theta sums to 1/C over j,
+    phi to 1/S over i. Source: Hershey and Olsen (2007).
     """
     # distances of 1e6 leave float32 no digits for the logarithms' differences
     pairwise = pairwise.double()
@@ -201,18 +206,16 @@ def responsibilities(pairwise: Tensor, updates: int | None = None) -> tuple[Tens
     log_theta = _theta(log_phi, pairwise)
     moving = torch.ones_like(pairwise[..., :1, :1], dtype=torch.bool)
     # with one component phi is fixed by its constraint, and theta is exact at once
-    count = 0 if components == 1 else MAX_UPDATES if updates is None else updates
-    for _ in range(count):
+    for _ in range(MAX_UPDATES if components > 1 else 0):
         new_phi = log_theta - log_theta.logsumexp(-2, keepdim=True) - math.log(sources)
         new_theta = _theta(new_phi, pairwise)
         # each run stops by itself, so that its numbers do not depend on its neighbours
         log_phi = torch.where(moving, new_phi, log_phi)
         change = (new_theta.exp() - log_theta.exp()).abs().amax((-2, -1), keepdim=True)
         log_theta = torch.where(moving, new_theta, log_theta)
-        if updates is None:
-            moving = moving & (change >= TOLERANCE)
-            if not moving.any():
-                break
+        moving = moving & (change >= TOLERANCE)
+        if not moving.any():
+            break
     return log_theta, log_phi
 
 
@@ -246,14 +249,3 @@ def pairwise_kl(q: Gaussian, sources: Tensor, variance: float) -> Tensor:
 def _differences(mu: Tensor, sources: Tensor) -> Tensor:
     # expanding the square instead would lose the digits that a variance of 1e-5 needs
     return mu.unsqueeze(-2) - sources.unsqueeze(-3)
-
-
-def pull_of_sources(mu: Tensor, sources: Tensor, variance: float) -> Tensor:
-    """Gradient (..., C, d) of the tightened bound with respect to the means.
-
-    Only the distances matter: what a component's own covariance adds to its KLs is the same for
-    every source and cancels from eq. 5.15.
-    """
-    differences = _differences(mu, sources)
-    log_theta, _ = responsibilities((differences * differences).sum(-1) / (2 * variance))
-    return (log_theta.exp().to(mu.dtype).unsqueeze(-2) @ differences).squeeze(-2) / variance

@@ -6,8 +6,6 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-from vtlib.checks import check_whole
-
 
 class Transition(NamedTuple):
     """One or many transitions; leading axes (R,) for one step, (R, B) for a minibatch.
@@ -31,7 +29,6 @@ class ReplayBuffer:
     """
 
     def __init__(self, runs: int, capacity: int, obs_dim: int) -> None:
-        check_whole("capacity", capacity)
         self._capacity = capacity
         self._obs_dim = obs_dim
         # a row holds a whole transition, which is so written and gathered in one operation each

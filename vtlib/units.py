@@ -57,17 +57,14 @@ class InUnits(VariationalTransfer):
 
     @property
     def mu(self) -> Tensor:
-        """The posterior's means (R, C, d)."""
         return self._posterior.mu.detach() * self._unit
 
     @property
     def scale_tril(self) -> Tensor:
-        """The posterior's Cholesky factors, (R, C, d, d)."""
         return self._posterior.scale_tril * self._unit.unsqueeze(-1)
 
     @property
     def deviations(self) -> Tensor | None:
-        """Standard deviations (R, C, d) of a posterior without correlations."""
         deviations = super().deviations
         return None if deviations is None else deviations * self._unit
 

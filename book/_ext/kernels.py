@@ -21,7 +21,6 @@ from pathlib import Path
 from typing import Any
 
 BESIDES = ("ipykernel.kernelapp", "matplotlib.backends.backend_agg", "myst_nb", "scipy.stats")
-LONGEST = 70  # characters
 WATCH = 2.0  # seconds between looks at whether the build is still there
 
 
@@ -30,9 +29,8 @@ def forked() -> Iterator[type]:
     """A class of managers, for as long as it is needed, whose kernels are forked."""
     from jupyter_client import AsyncKernelManager
 
-    # A socket's path may have some 100 characters, which a folder for temporary files can exceed.
-    short = len(tempfile.gettempdir()) < LONGEST
-    with tempfile.TemporaryDirectory(dir=None if short else "/tmp") as folder:
+    # a socket's path may have some 100 characters, which a folder elsewhere could exceed
+    with tempfile.TemporaryDirectory(dir="/tmp") as folder:
         address = str(Path(folder) / "kernels")
 
         class Forked(AsyncKernelManager):

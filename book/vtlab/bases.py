@@ -1,12 +1,10 @@
 """Q-functions that are linear in radial bases of two coordinates, as the rooms have them."""
 
 from collections.abc import Callable
-from typing import Any
 
 import torch
 from torch import Tensor
 
-from vtlib.checks import check_positive, check_whole
 from vtlib.qfunctions import check_observations
 
 # Features below float32's rounding of their sum are set to zero. They and their products would
@@ -24,16 +22,10 @@ class RBFLinear:
     """
 
     def __init__(self, centers: Tensor, variance: float, n_actions: int) -> None:
-        check_positive("variance", variance)
-        check_whole("n_actions", n_actions)
         self.n_actions = self.width = n_actions
         self.d = n_actions * len(centers) ** 2
         self._centers = centers
         self._rate = 0.5 / variance
-
-    def sizes_of_parts(self) -> dict[str, Any]:
-        """Centres and variance, for a file."""
-        return {"centers": self._centers.tolist(), "variance": 0.5 / self._rate}
 
     def prepare(self, obs: Tensor) -> Tensor:
         """Features (R, m * m, B), one column per observation of (R, B, 2)."""

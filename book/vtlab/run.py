@@ -12,7 +12,6 @@ from vtlab.episodes import Episodes
 from vtlab.evaluation import Evaluation
 from vtlab.experiment import Experiment
 from vtlab.native.runs import NativeRun, supports, train_natively
-from vtlab.sources import check_pool_weights
 from vtlab.training import FINGERPRINTS, train
 from vtlib.rng import Rng, generator
 from vtlib.training import Agent, arithmetic
@@ -50,10 +49,9 @@ def prepare(
     weights: np.ndarray,
     device: str = "cpu",
 ) -> Batch:
-    """Agents, episodes and evaluation of some runs of an algorithm.
+    """Agents, episodes and evaluation of some runs of an algorithm, from weights (count, d).
 
-    Posteriors live on the device. Raises ValueError unless weights (count, d) are those of a pool,
-    finite and float32, where the algorithm transfers.
+    Posteriors live on the device.
     """
     family, rng = experiment.family, Rng(experiment.stream, runs)
     tasks, start = targets(experiment, runs), _start(experiment, label, runs, weights)
@@ -75,7 +73,6 @@ def _start(experiment: Experiment, label: str, runs: Sequence[int], weights: np.
     """What an algorithm begins with: the sources (R, S, d) of each run, or first weights (R, d)."""
     if not experiment.algorithms[label].transfers:
         return experiment.family.first_weights(experiment.stream, runs)
-    check_pool_weights(experiment.pool, weights)
     sources = chosen_sources(experiment, runs)[:, : experiment.sources_of(label)]
     return torch.from_numpy(weights[sources])
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from itertools import islice
-from typing import Protocol, runtime_checkable
+from typing import Any
 
 import numpy as np
 import torch
@@ -13,17 +13,9 @@ from vtlab.experiment import Pool
 from vtlab.training import FINGERPRINTS, fingerprint
 from vtlib.checks import check_kind, check_weights
 from vtlib.rng import Rng, Stream
-from vtlib.training import Agent, arithmetic, check_finite, iterate
+from vtlib.training import arithmetic, check_finite, iterate
 
 FRESH = 400  # episodes by which solved sources are judged in the end
-
-
-@runtime_checkable
-class Learner(Agent, Protocol):
-    """An agent that can go on with some of its runs."""
-
-    def keep(self, rows: Sequence[int]) -> None:
-        """Go on with some of the runs, by their places in the batch, in that order."""
 
 
 class AttemptRng(Rng):
@@ -52,10 +44,8 @@ class SourceTraining:
         self.names = [f"source {i} of {pool.name}" for i in sources]
         self.tasks, q = family.source_tasks(pool.stream, sources), family.q()
         start = family.first_weights(pool.stream, [0] * len(sources) if pool.common else sources)
-        agent = pool.settings.agent(q, start, self.tasks.obs_dim, rng)
-        if not isinstance(agent, Learner):
-            raise ValueError(f"settings of {pool.name} must make agents that can keep some runs")
-        self.agent: Learner = agent
+        # an agent that can keep some of its runs
+        self.agent: Any = pool.settings.agent(q, start, self.tasks.obs_dim, rng)
         learned = self.tasks if pool.as_targets else family.for_sources(self.tasks)
         noise, starts = rng.stream("noise"), rng.stream("start")
         self.episodes = Episodes(learned, noise, starts, family.window)

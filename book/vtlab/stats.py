@@ -15,9 +15,6 @@ class Interval(NamedTuple):
     low: ndarray | float
     high: ndarray | float
 
-    def __str__(self) -> str:
-        return f"{self.centre:.3f} (95% interval {self.low:.3f} to {self.high:.3f})"
-
 
 def mean_interval(values: ndarray) -> Interval:
     """Mean over runs (axis 0) with its 95 % Student interval, as in the thesis' figures.

@@ -15,7 +15,7 @@ def test_on_systems_for_which_none_are_compiled_there_are_no_kernels(monkeypatch
     assert native.level.__wrapped__() is None
 
 
-@pytest.mark.parametrize("what", [["vtlib.native"], ["vtlab.native"], ["vtlab.native", "page"]])
+@pytest.mark.parametrize("what", [["vtlab.native"], ["vtlab.native", "page"]])
 def test_without_a_compiler_one_line_says_what_follows(tmp_path, what):
     (tmp_path / "ziglang.py").write_text("raise SystemExit('no compiler')")
     code = "import runpy; from vtlib.native import build; build.FLAGS += ('-g',); "

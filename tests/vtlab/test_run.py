@@ -47,8 +47,6 @@ def test_an_algorithm_gets_the_first_of_each_runs_sources(shared, weights):
         # it starts at the mean of its sources
         expected = [weights[row[:count]].mean(0) for row in chosen]
         np.testing.assert_allclose(agent.mu[:, 0].detach(), expected, rtol=1e-5, atol=1e-7)
-    with pytest.raises(ValueError, match="weights of tiny-pool must"):
-        prepare(shared, "all", [0], weights[1:])
 
 
 @pytest.mark.parametrize("label", ["NT", "DDQN", "GVT", "2-MGVT"])

@@ -192,12 +192,3 @@ def test_pools_of_one_stream_share_tasks_and_random_numbers(pool, solved):
     other = head(evolve(pool, stream="other"), range(3))
     assert not np.allclose(other, solved["fingerprints"], **ROUNDING)
     assert SourceTraining(twin, [1]).names == ["source 1 of other carts"]
-
-
-def test_settings_whose_agents_cannot_keep_some_runs_are_refused(pool, monkeypatch):
-    class Stubborn:
-        mu = torch.zeros(1, 1, pool.family.q().d)
-
-    monkeypatch.setattr(type(pool.settings), "agent", lambda *_: Stubborn())
-    with pytest.raises(ValueError, match="settings of tiny-pool must make agents that can keep"):
-        SourceTraining(pool, [0])

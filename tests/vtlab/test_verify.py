@@ -154,12 +154,6 @@ def test_the_same_arithmetic_excuses_nothing():
         assert elsewhere((2, 1), machine={**there, **other}).same
 
 
-@pytest.mark.parametrize("member", [3, -1, 1.0, None, True])
-def test_members_that_are_not_there_are_refused(tiny, computed, member):
-    with pytest.raises(ValueError, match="member must be a whole number from 0 to 2, got"):
-        check(tiny, "GVT", [member], computed)
-
-
 def test_the_live_check_says_what_was_found(tiny, stored, rewrite):
     prints = store.read(stored / "tiny/GVT")[0]["fingerprints"]
     prints[1, 1, 0] += 0.1

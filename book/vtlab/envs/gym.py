@@ -7,18 +7,16 @@ import gymnasium
 import numpy as np
 import torch
 from gymnasium import spaces
-from gymnasium.error import ResetNeeded
 from torch import Tensor
 
-from vtlib.checks import check_whole, shown
+from vtlib.checks import shown
 
 
 class TasksEnv(gymnasium.Env[np.ndarray, np.int64]):
     """The only task of a batch as an environment; subclasses hold arguments, space and words.
 
-    An episode is truncated after `horizon` steps; for a longer one Gymnasium's `make` needs
-    `max_episode_steps`, too. Raises ValueError when an argument is out of range, as do the
-    subclasses.
+    Gymnasium's `make` truncates its episodes and sees to it that they begin with a reset. Raises
+    ValueError when an argument is out of range, as do the subclasses.
     """
 
     metadata = gymnasium.Env.metadata | {"render_modes": ["rgb_array"]}
@@ -27,21 +25,12 @@ class TasksEnv(gymnasium.Env[np.ndarray, np.int64]):
     drawing: ClassVar[str]
     picture_size: ClassVar[tuple[int, int]] = (400, 400)  # width and height in pixels
 
-    def __init__(
-        self,
-        tasks: Any,
-        space: spaces.Box,
-        horizon: int | None = None,
-        render_mode: str | None = None,
-    ) -> None:
-        horizon = tasks.horizon if horizon is None else horizon
-        check_whole("horizon", horizon)
+    def __init__(self, tasks: Any, space: spaces.Box, render_mode: str | None = None) -> None:
         if render_mode not in (None, "rgb_array"):
             raise ValueError(f"render_mode must be None or 'rgb_array', got {shown(render_mode)}")
-        self.tasks, self.horizon, self.render_mode = tasks, horizon, render_mode
+        self.tasks, self.render_mode = tasks, render_mode
         self.observation_space, self.action_space = space, spaces.Discrete(tasks.n_actions)
         self._state = torch.empty(0)
-        self._steps, self._over = 0, True
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -50,31 +39,23 @@ class TasksEnv(gymnasium.Env[np.ndarray, np.int64]):
         super().reset(seed=seed)
         u = self.np_random.random((1, self.tasks.start_dim), np.float32)
         self._state = self.tasks.start(torch.from_numpy(u))
-        self._steps, self._over = 0, False
         return self._observation(), {}
 
     def step(self, action: np.int64) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
-        """Act once. Raises ValueError for an unknown action, ResetNeeded after an episode."""
+        """Act once. Raises ValueError for an unknown action."""
         if not self.action_space.contains(action):
             last = self.tasks.n_actions - 1
             raise ValueError(f"action must be an integer in 0..{last}, got {action!r}")
-        if self._over:
-            raise ResetNeeded("call reset() before step(): no episode is running")
         noise = self.np_random.standard_normal((1, self.tasks.noise_dim), np.float32)
         self._state, reward, terminated = self.tasks.step(
             self._state, torch.tensor([int(action)]), torch.from_numpy(noise)
         )
-        self._steps += 1
-        ended, truncated = bool(terminated), self._steps >= self.horizon
-        self._over = ended or truncated
-        return self._observation(), float(reward), ended, truncated, {}
+        return self._observation(), float(reward), bool(terminated), False, {}
 
     def render(self) -> np.ndarray | None:
         """A picture (height, width, 3) uint8 of the task now, None without a render mode."""
         if self.render_mode is None:
             return None
-        if not len(self._state):
-            raise ResetNeeded("call reset() before render(): no episode is running")
         picture, draw = resolve_name("vtlab.envs.draw:picture"), resolve_name(self.drawing)
         state = self._state[0].numpy()
         pixels: np.ndarray = picture(lambda ax: draw(ax, self.tasks, 0, state), self.picture_size)

@@ -47,23 +47,16 @@ def test_a_row_does_not_feel_its_neighbours_and_no_argument_changes(family):
 
 
 @every_family
-def test_select_takes_and_repeats_tasks_and_join_appends_them(family):
+def test_select_takes_and_repeats_tasks(family):
     tasks = family.sample(np.random.default_rng(1), 3)
     for index in ([2, 0, 0], np.array([-1, 0, 0]), torch.tensor([2, 0, -3])):
         chosen = tasks.select(index)
         assert type(chosen) is type(tasks)
-        joined = family.values(tasks.join([tasks.select([1]), chosen]))
         for name, rows in family.values(tasks).items():
             np.testing.assert_array_equal(getattr(chosen, name), rows[[2, 0, 0]])
-            np.testing.assert_array_equal(joined[name], rows[[1, 2, 0, 0]])
     for bad in ([3], [-4], [0.5], [True]):
         with pytest.raises(IndexError):
             tasks.select(bad)
-    with pytest.raises(ValueError, match="at least one batch"):
-        tasks.join([])
-    two_walls, one_wall = (envs.Rooms.from_doors([[5.0] * count]) for count in (2, 1))
-    with pytest.raises(ValueError, match="must have the same walls"):
-        envs.Rooms.join([two_walls, one_wall])
     with pytest.raises(ValueError, match=r"count must be a whole number from 1 .*, got 0"):
         family.sample(np.random.default_rng(0), 0)
 

@@ -2,7 +2,6 @@
 
 import gymnasium
 import numpy as np
-import pytest
 import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -105,11 +104,9 @@ def test_a_transition_of_a_car_is_gymnasiums(seed):
     assert torch.equal(reward.signbit(), reward < 0)
 
 
-def test_the_last_reward_is_told_to_the_kernel_and_alike_where_tasks_join():
+def test_the_last_reward_is_told_to_the_kernel():
     family = MountainCarFamily(last_reward=-1.0)
     tasks = family.draw_tasks("t", [0, 1])
     expected = [[float(speed), -1.0] for speed in tasks.speed]
     assert [family.kernel_parameters(tasks, row) for row in (0, 1)] == expected
     assert torch.equal(tasks.speed, MountainCarFamily().draw_tasks("t", [0, 1]).speed)
-    with pytest.raises(ValueError, match="must have the same last_reward"):
-        MountainCar.join([tasks, MountainCarFamily().draw_tasks("t", [0])])

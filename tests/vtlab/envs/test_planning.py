@@ -21,7 +21,8 @@ PLANNING_BIAS = 0.004
 DOOR = Rooms.from_doors([[5.0]])
 CARS = MountainCar.of(2, speed=[0.001, 0.0015])
 OPEN = Mazes(torch.zeros(1, 10, 10, dtype=torch.bool), torch.tensor([[9, 9]]))
-MAZES = Mazes.join([OPEN, Mazes.of(["south-west 12", "north-east 4"])])
+TWO = Mazes.of(["south-west 12", "north-east 4"])
+MAZES = Mazes(torch.cat([OPEN.walls, TWO.walls]), torch.cat([OPEN.goal, TWO.goal]))
 
 
 def rollout(tasks, index, state, policy, steps, noise=0.0):

@@ -47,7 +47,6 @@ class CartpoleFamily(TaskFamily):
         return whole.float().mean(1) >= required
 
     def sample(self, rng: np.random.Generator, count: int) -> Cartpole:
-        """Draw `count` tasks, independent and alike. Raises ValueError when count < 1."""
         return Cartpole.of(
             count,
             cart_mass=rng.uniform(0.5, 1.5, count),

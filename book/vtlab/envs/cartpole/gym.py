@@ -12,49 +12,11 @@ from vtlab.envs.gym import TasksEnv
 class CartpoleEnv(TasksEnv):
     """A pole on a cart, to be kept upright by pushing the cart left and right.
 
-    ## Description
-    A pole turns freely on a cart that rolls without friction. Tasks differ in both masses and in
-    the pole's length. Source: thesis section 6.2.1; by default as Gymnasium's CartPole-v1.
-
-    ## Observation Space
-    A `Box` of shape (4,), float32. An episode ends at half the bounds given here:
-
-    | Num | Observation           | Min           | Max          | Unit  |
-    | --- | --------------------- | ------------- | ------------ | ----- |
-    | 0   | cart position         | -4.8          | 4.8          | m     |
-    | 1   | cart velocity         | -Inf          | Inf          | m/s   |
-    | 2   | pole angle            | -0.419 (-24°) | 0.419 (24°)  | rad   |
-    | 3   | pole angular velocity | -Inf          | Inf          | rad/s |
-
-    The angle is 0 for an upright pole and positive to the right.
-
-    ## Action Space
-    A `Discrete(2)`: 0 is LEFT, a force of -10 N on the cart, and 1 is RIGHT, 10 N.
-
-    ## Transition Dynamics
-    With masses *M* and *m*, half length *l*, force *F*, *g* = 9.8 m/s² and pole angle *θ*,
-
-    - *u = (F + m l θ'² sin θ) / (M + m)*
-    - *θ'' = (g sin θ - u cos θ) / (l (4/3 - m cos² θ / (M + m)))*
-    - *x'' = u - m l θ'' cos θ / (M + m)*
-
-    All four advance by 0.02 s times their rates before the step (Euler's method).
-
-    ## Reward
-    1 on every step, the last one too. The thesis discounts by 0.99 per step.
-
-    ## Starting State
-    Every observation is uniform in [-0.05, 0.05).
-
-    ## Episode End
-    Termination: the pole leans by more than 12°, or the cart is more than 2.4 m from the middle.
-    Truncation: after `horizon` steps.
-
-    ## Arguments
-    - `cart_mass`, `pole_mass`: in kg. Default 1 and 0.1.
-    - `half_length`: from the pivot to the pole's centre of mass, in m. Default 0.5.
-    - `horizon`: steps of a truncated episode. Default 100.
-    - `render_mode`: None or "rgb_array".
+    Observations are the cart's position (m) and velocity (m/s), the pole's angle (rad, 0 upright
+    and positive to the right) and angular velocity (rad/s). Actions are 0 for left and 1 for right.
+    Each step earns 1, until the pole leans by more than 12 degrees or the cart is more than 2.4 m
+    from the middle. Masses are in kg; ``half_length`` is from the pivot to the pole's centre of
+    mass, in m. Source: thesis section 6.2.1; the defaults are those of Gymnasium's CartPole-v1.
     """
 
     metadata = TasksEnv.metadata | {"render_fps": 50}

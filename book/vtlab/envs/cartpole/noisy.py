@@ -51,6 +51,5 @@ class NoisyCartpoleFamily(CartpoleFamily):
     kernel = ""
 
     def sample(self, rng: np.random.Generator, count: int) -> NoisyCartpole:
-        """Draw `count` tasks, independent and alike. Raises ValueError when count < 1."""
         plain = super().sample(rng, count)
         return NoisyCartpole.of(count, **{x: getattr(plain, x) for x in plain.parameters})

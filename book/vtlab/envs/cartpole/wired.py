@@ -40,7 +40,6 @@ class WiredCartpoleFamily(CartpoleFamily):
     kernel = ""
 
     def sample(self, rng: np.random.Generator, count: int) -> WiredCartpole:
-        """Draw `count` tasks, independent and alike. Raises ValueError when count < 1."""
         plain = super().sample(rng, count)
         wiring = rng.choice([1.0, SWAPPED], count)
         return WiredCartpole.of(

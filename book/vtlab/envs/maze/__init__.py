@@ -11,7 +11,7 @@ from vtlab.envs.base import TaskFamily
 from vtlab.envs.maze.library import library
 from vtlab.envs.maze.plan import mean_return, plan_maze
 from vtlab.envs.maze.tasks import Mazes
-from vtlib.checks import check_one_of, check_whole, shown
+from vtlib.checks import check_whole, kind
 from vtlib.qfunctions import MLP
 
 __all__ = ["MazeFamily", "Mazes"]
@@ -24,17 +24,14 @@ class MazeFamily(TaskFamily):
     Raises ValueError when there is no name, or an unknown one.
     """
 
-    names: tuple[str, ...] = field(factory=lambda: tuple(library()))
+    names: tuple[str, ...] = field(factory=lambda: tuple(library()), validator=kind(tuple))
 
     parameters = Mazes.parameters
     limits = (-0.02, 0.9)
     window = 25
 
     def __attrs_post_init__(self) -> None:
-        if not (isinstance(self.names, tuple) and self.names):
-            raise ValueError(f"names must be a tuple of at least one, got {shown(self.names)}")
-        for name in self.names:
-            check_one_of("names", name, library())
+        Mazes.of(self.names)
 
     def q(self) -> MLP:
         """A network with two hidden layers of 32 units: 1,891 weights."""
@@ -48,7 +45,6 @@ class MazeFamily(TaskFamily):
         return torch.stack([returns[maze] for maze in mazes])
 
     def sample(self, rng: np.random.Generator, count: int) -> Mazes:
-        """Draw `count` tasks, independent and alike. Raises ValueError when count < 1."""
         check_whole("count", count)
         return Mazes.of([self.names[i] for i in rng.integers(len(self.names), size=count)])
 

@@ -44,7 +44,6 @@ class MountainCarFamily(TaskFamily):
         return torch.stack([mean_return(tasks, index) for index in range(len(tasks))])
 
     def sample(self, rng: np.random.Generator, count: int) -> MountainCar:
-        """Draw `count` tasks, independent and alike. Raises ValueError when count < 1."""
         tasks = MountainCar.of(count, speed=rng.uniform(0.001, 0.0015, count))
         return evolve(tasks, last_reward=self.last_reward)
 

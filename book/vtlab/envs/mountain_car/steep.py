@@ -24,7 +24,6 @@ class SteepCar(MountainCar):
     parameters: ClassVar[tuple[str, ...]] = ("speed", "steepness")
 
     def step(self, state: Tensor, action: Tensor, noise: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        """Drive every car once; `action` is 0 for left, 1 for none and 2 for right."""
         self._check_step(state, action, noise)
         position, velocity = state.unbind(1)
         more = (1 - self.steepness) * GRAVITY * (3 * position).cos()
@@ -39,7 +38,6 @@ class SteepCarFamily(MountainCarFamily):
     kernel = ""
 
     def sample(self, rng: np.random.Generator, count: int) -> SteepCar:
-        """Draw `count` tasks, independent and alike. Raises ValueError when count < 1."""
         speed, steepness = rng.uniform(0.001, 0.0015, count), rng.uniform(*STEEPNESS, count)
         tasks = SteepCar.of(count, speed=speed, steepness=steepness)
         return evolve(tasks, last_reward=self.last_reward)

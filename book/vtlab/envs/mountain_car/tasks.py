@@ -3,11 +3,10 @@
 from typing import ClassVar
 
 import torch
-from attrs import field, frozen
+from attrs import frozen
 from torch import Tensor
 
 from vtlab.envs.base import ParameterBatch
-from vtlib.checks import between
 
 GRAVITY = 0.0025
 MAX_SPEED = 0.07
@@ -24,7 +23,7 @@ class MountainCar(ParameterBatch):
     """
 
     speed: Tensor
-    last_reward: float = field(default=0.0, validator=between(-1, 0))
+    last_reward: float = 0.0
 
     parameters: ClassVar[tuple[str, ...]] = ("speed",)
     n_actions: ClassVar[int] = 3

@@ -67,7 +67,6 @@ class RoomsFamily(TaskFamily):
         return torch.stack([plan.value(tasks.start(u)).mean() for plan in plans])
 
     def sample(self, rng: np.random.Generator, count: int) -> Rooms:
-        """Draw `count` tasks, independent and alike. Raises ValueError when count < 1."""
         check_whole("count", count)
         shape = (count, self.rooms - 1)
         if self.normal is None:
@@ -79,7 +78,6 @@ class RoomsFamily(TaskFamily):
         return Rooms.from_doors(doors, stops=self.stops)
 
     def draw_tasks(self, stream: str, runs: Sequence[int]) -> Rooms:
-        """One task for each run, whatever the other runs are."""
         if not self.ladder:
             return cast(Rooms, super().draw_tasks(stream, runs))
         rungs = np.linspace(*DOOR_RANGE, self.ladder)[np.array(runs) % self.ladder]
