@@ -15,7 +15,8 @@ COLOURS = {STRONGER: "#0072b2", REPRODUCED: "#009e73", UNDECIDED: "#e69f00", NOT
 def bar(pages: Mapping[str, Sequence[Claim]]) -> Figure:
     """How many facts of the thesis have each verdict."""
     with look():
-        figure = BookFigure(figsize=(7.6, 0.7), layout="none")
+        figure = BookFigure(figsize=(7.6, 0.7))
+        figure.set_layout_engine("none")
         ax, left = figure.add_axes((0, 0, 1, 1)), 0
         for verdict, count in tables.tally(pages.values()).items():
             if count:
