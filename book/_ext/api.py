@@ -1,7 +1,7 @@
 """Sphinx extension: the reference of the library, from its docstrings.
 
 The page says what it documents, ``<!-- reference: solve vtlib.td -->``: names that ``vtlib``
-offers, and modules without these names. Docstrings are plain text with a little Markdown and become
+offers, and modules without these names. Docstrings are plain text with code in backticks and become
 what Sphinx reads; each function is followed by its equations.
 """
 
@@ -72,29 +72,6 @@ def known_equation(match: re.Match) -> str:
     return f"eq. :eq:`{label}`" if label in FORMULAS else match[0]
 
 
-def table(rows: list[str]) -> Iterator[str]:
-    """A Markdown table as Sphinx reads it."""
-    yield from ("", ".. list-table::", "   :header-rows: 1", "")
-    for row in (rows[0], *rows[2:]):
-        for index, cell in enumerate(re.split(r"(?<!\\)\|", row.strip())[1:-1]):
-            yield f"   {'-' if index else '* -'} {inline(cell.strip())}".replace("   - ", "     - ")
-    yield ""
-
-
-def converted(lines: list[str]) -> Iterator[str]:
-    """Lines of a docstring in the notation that Sphinx reads."""
-    rows: list[str] = []
-    for line in (*lines, ""):
-        if line.lstrip().startswith("|"):
-            rows.append(line)
-            continue
-        if rows:
-            yield from table(rows)
-            rows = []
-        heading = re.fullmatch(r"##+ (.*)", line.strip())
-        yield from ("", f".. rubric:: {heading[1]}", "") if heading else (inline(line),)
-
-
 def equations_of(name: str) -> Iterator[str]:
     """Lines with the equations that a documented object computes, in the thesis' order."""
     for label in (label for label, names in EQUATIONS.items() if name in names):
@@ -107,7 +84,7 @@ def read_docstring(
     app: Any, what: str, name: str, obj: Any, options: Any, lines: list[str]
 ) -> None:
     """Convert a docstring and add its equations."""
-    lines[:] = [*converted(lines), *equations_of(name)]
+    lines[:] = [*map(inline, lines), *equations_of(name)]
 
 
 def write_defaults(
