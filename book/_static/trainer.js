@@ -232,7 +232,7 @@ class Panel {
   /* Begins anew, and goes on running if it was. */
   begin(first = {}) {
     const { choice, form } = this, psi = choice.psi.toFixed(2), power = scientific(Number(form.power.value));
-    const weight = weightOf(choice.lambda, this.setup.settings[choice.family]), pull = choice.lambda ? `${power} (λ/σ² ${weight})` : power;
+    const weight = weightOf(choice.lambda, this.setup.settings[choice.family]), pull = choice.lambda ? `${power} (λ/σ²\u00a0${weight})` : power;
     for (const [name, text] of Object.entries({ ...choice, psi, power: choice.family === "Trust" ? "" : pull })) {
       if (form[name]?.type !== "range") continue;
       form[name].nextElementSibling.textContent = text;

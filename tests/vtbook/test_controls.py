@@ -21,7 +21,7 @@ def test_the_code_of_each_control_runs():
     envs = [gymnasium.make("CartPole-v1", max_episode_steps=20) for _ in range(2)]
     names = {name: getattr(vtlib, name) for name in vtlib.__all__}
     names |= {"envs": envs, "old_envs": envs, "tuning_envs": envs, "q": vtlib.MLP((4, 4, 2))}
-    names |= {"itertools": itertools, "torch": torch, "goal": 0.0}
+    names |= {"product": itertools.product, "torch": torch, "goal": 0.0}
     names |= {"steps_of_sources": 300, "steps_without": 20, "steps_with": 10}
     names["sources"] = vtlib.solve(envs, names["q"], 70, trials=0).weights[:, 0]
     exec(code, names)
