@@ -239,6 +239,7 @@ class Panel {
       form[name].setAttribute("aria-valuetext", text);
     }
     this.setting = `${choice.family}, ${choice.family === "Trust" ? "" : `λ = ${power}, ψ = ${psi}, `}${choice.sources} sources`;
+    this.root.classList.toggle("elsewhere", choice.pool > 0); // stored runs are from the first pool
     this.chart.marks.replaceChildren();
     this.find(".cell").hidden = true;
     this.send({ ...first, chosen: choice, rate: 0 });

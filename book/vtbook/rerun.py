@@ -21,6 +21,7 @@ from vtlab.workers import processors
 from vtlib.checks import check_one_of, check_whole
 
 NEW = "#000000"
+SAME = 1e-5  # a difference that rounding makes
 Arrays = dict[str, np.ndarray]
 
 
@@ -106,7 +107,8 @@ def rerun_figure(stored: Mapping[str, Dataset], made: Mapping[str, Arrays]) -> F
             ax.plot(at, new["learning"].T, color=NEW, lw=1)
             same = around.learning.sel(run=new["run"], iteration=at).values
             difference = np.abs(same - new["learning"]).max()
-            ax.set_title(f"{label}, {difference:.1g} from stored")
+            told = "as stored" if difference < SAME else f"up to {difference:.1g} off"
+            ax.set_title(f"{label}: {told}")
         panels[0].set_ylabel("learning return")
     return figure
 

@@ -69,7 +69,7 @@ def mean_curves(runs: Mapping[str, Dataset], until: int) -> list[dict[str, Any]]
         mean = runs_of.learning.sel(iteration=slice(None, until)).mean("run")
         curves.append(
             {
-                "label": f"{NAMES.get(label, label)}, mean of {runs_of.sizes['run']} stored runs",
+                "label": f"{NAMES.get(label, label)} from ten sources, mean of {runs_of.sizes['run']} runs",
                 "family": FAMILIES[label],
                 "colour": COLOURS[label],
                 "iterations": mean.iteration.values.tolist(),

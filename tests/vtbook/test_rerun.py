@@ -34,7 +34,7 @@ def test_runs_made_again_are_the_stored_ones_and_drawn_over_them(label):
     stored = stored_learning(ROOMS, label, 2, 300)
     new = [x.get_ydata() for x in ax.lines if x.get_color() == rerun.NEW]
     np.testing.assert_allclose(new, stored, atol=1e-6)
-    assert ax.get_title(loc="left").endswith(" from stored")
+    assert ax.get_title(loc="left").endswith(": as stored")
     band = ax.collections[0].get_paths()[0].vertices
     assert band[:, 0].max() <= 600  # what a short run is beside, not all that is stored
 
