@@ -148,6 +148,7 @@ class Panel {
     for (const button of this.root.querySelectorAll(".preset")) {
       button.addEventListener("click", () => {
         this.set(JSON.parse(button.dataset.state));
+        this.press(button);
         this.find(".look").textContent = button.dataset.look;
         this.running = true;
         this.begin();
@@ -158,6 +159,7 @@ class Panel {
     this.form.addEventListener("submit", (event) => event.preventDefault());
     this.form.addEventListener("input", ({ target }) => {
       if (target.name === "family") this.setFamily();
+      this.press();
       if (target.name !== "keep") this.begin();
     });
   }
@@ -168,6 +170,11 @@ class Panel {
     if (!trusts) power.value = Math.log10(this.setup.settings[family.value].lambda_);
     power.disabled = psi.disabled = trusts;
     components.disabled = family.value !== "MGVT";
+  }
+
+  /* The preset that stands as it was chosen, or none. */
+  press(chosen) {
+    for (const button of this.root.querySelectorAll(".preset")) button.setAttribute("aria-pressed", button === chosen);
   }
 
   /* Puts the controls where a preset or a link says; each holds what it is given to its range. */
