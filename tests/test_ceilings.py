@@ -15,7 +15,7 @@ WORDS = {
     "background": 1080,
     "setting": 840,
     "related": 900,
-    "method": 1680,
+    "method": 1700,
     "experiments": 250,
     "rooms_evaluation": 590,
     "rooms_distribution_change": 440,
