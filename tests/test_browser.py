@@ -7,9 +7,7 @@ from vtbook.experiments.mountain_car import CAR
 from vtbook.experiments.protocols import transfer_settings
 from vtbook.experiments.rooms import (
     ROOMS_EVALUATION,
-    ROOMS_EXPLORATION,
     ROOMS_LAMBDAS,
-    ROOMS_SOURCES,
 )
 
 
@@ -33,12 +31,11 @@ def test_search_finds_a_word_of_the_text(visit, page):
     assert not page.foreign
 
 
-# Three pages whose sliders differ, with their experiments. Mountain car has a slider over the
+# Two pages whose sliders differ, with their experiments. Mountain car has a slider over the
 # iterations, too, on a panel of its own; these are its first positions and its last.
 SETTINGS = {
     "mountain_car": (CAR, (0, 2500, 5000, 40_000)),
     "rooms_evaluation": (ROOMS_EVALUATION, ()),
-    "rooms_number_of_sources": (ROOMS_SOURCES, ()),
 }
 
 
@@ -73,7 +70,6 @@ def test_each_slider_shows_the_picture_of_its_setting(visit, page, name):
     values += [[f"psi = {x:g}," for x in PSIS], [f" {x};" for x in POSTERIORS]]
     visit(f"book/{name}.html")
     handles = handles_of(page)
-    numbers = handles.pop() if name == "rooms_number_of_sources" else None
     *above, first, second, third = handles
     assert len(above) == panels - 1
     current = [f"lambda = {base.lambda_:.0e},", f"psi = {base.psi:g},", " 1-MGVT;"]
@@ -86,16 +82,11 @@ def test_each_slider_shows_the_picture_of_its_setting(visit, page, name):
             handle.press("ArrowRight" if at else "Home")
             current[axis] = text
             assert_shown(page, current, panels)
-    if numbers:
-        before = pictures(page)
-        numbers.press("Home")
-        assert_shown(page, current, panels)
-        assert pictures(page) != before
 
 
 def test_a_state_of_the_sliders_can_be_linked(visit, page):
-    base = transfer_settings(ROOMS_EXPLORATION, "1-MGVT")
-    visit("book/rooms_exploration.html")
+    base = transfer_settings(ROOMS_EVALUATION, "1-MGVT")
+    visit("book/rooms_evaluation.html")
     url = page.url
     *_, power, psi, _ = handles_of(page)
     assert "#" not in page.url
@@ -103,20 +94,20 @@ def test_a_state_of_the_sliders_can_be_linked(visit, page):
     psi.press("Home")
     assert page.url == f"{url}#lambda={len(ROOMS_LAMBDAS) - 1}&psi=0"
     linked = [f"lambda = {ROOMS_LAMBDAS[-1]:.0e},", "psi = 0,", " 1-MGVT;"]
-    assert_shown(page, linked, 2)
+    assert_shown(page, linked, 1)
     page.reload()
     handles_of(page)
-    assert_shown(page, linked, 2)
+    assert_shown(page, linked, 1)
     with page.expect_event("load"):  # another state of the page that is open
         page.evaluate("location.hash = 'posterior=2'")
     handles_of(page)
     usual = [f"lambda = {base.lambda_:.0e},", f"psi = {base.psi:g},"]
-    assert_shown(page, [*usual, f" {POSTERIORS[2]};"], 2)
+    assert_shown(page, [*usual, f" {POSTERIORS[2]};"], 1)
     for wild in ("psi=x&posterior=2&nothing=1", "the-question"):
         page.goto("about:blank")
         page.goto(f"{url}#{wild}")
         handles_of(page)
-        assert_shown(page, [*usual, f" {POSTERIORS[2]};" if "=" in wild else " 1-MGVT;"], 2)
+        assert_shown(page, [*usual, f" {POSTERIORS[2]};" if "=" in wild else " 1-MGVT;"], 1)
 
 
 STEP = "Number(document.querySelector('.race input').value)"

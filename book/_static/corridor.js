@@ -141,7 +141,10 @@
 
     say(words, next) {
       this.root.querySelector(".said").textContent = words;
-      for (const one of this.root.querySelectorAll("button")) one.classList.toggle("next", one.value === next);
+      for (const one of this.root.querySelectorAll("button")) {
+        one.classList.toggle("next", one.value === next);
+        one.disabled = next === "again" && one.value !== next;
+      }
       this.picture();
     }
 
