@@ -174,6 +174,7 @@ class Panel {
 
   /* The preset that stands as it was chosen, or none. */
   press(chosen) {
+    if (!chosen) this.find(".look").textContent = "";
     for (const button of this.root.querySelectorAll(".preset")) button.setAttribute("aria-pressed", button === chosen);
   }
 
@@ -211,6 +212,7 @@ class Panel {
   pin(button) {
     const on = this.root.classList.toggle("pinned");
     button.setAttribute("aria-pressed", on);
+    button.textContent = on ? "Unpin" : "Pin this curve";
     this.pinned = on && [{ name: "pinned", label: `pinned: ${this.setting}` }];
     this.chart.pin(on);
     this.showNumbers(this.report);

@@ -209,7 +209,7 @@ def test_a_curve_is_pinned_before_lambda_moves_and_the_thesis_setting_comes_back
     keys = panel.locator(".legend li:visible")
     assert keys.count() == 4
     drawn = panel.locator(".chart .run.transfer").get_attribute("points")
-    pin, power = panel.get_by_role("button", name="Pin this curve"), panel.get_by_label("lambda")
+    pin, power = panel.get_by_role("button", name="pin"), panel.get_by_label("lambda")
     usual = power.get_attribute("aria-valuetext")
     written, _, weight = usual.partition(" ")
     assert weight.startswith("(λ/σ²")
