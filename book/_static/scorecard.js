@@ -13,5 +13,6 @@ for (const root of document.querySelectorAll(".scorecard")) {
   };
   filter.hidden = false;
   filter.addEventListener("change", show);
-  show(); // browsers keep what was chosen before a reload
+  chosen.find(({ name }) => name === "verdict").value = "not reproduced"; // what a reader asks first
+  show();
 }
