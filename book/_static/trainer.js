@@ -241,8 +241,8 @@ class Panel {
   /* Begins anew, and goes on running if it was. */
   begin(first = {}) {
     const { choice, form } = this, psi = choice.psi.toFixed(2), power = scientific(Number(form.power.value));
-    const weight = weightOf(choice.lambda, this.setup.settings[choice.family]), pull = choice.lambda ? `${power} (λ/σ²\u00a0${weight})` : power;
-    for (const [name, text] of Object.entries({ ...choice, psi, power: choice.family === "Trust" ? "" : pull })) {
+    this.find(".weight").textContent = choice.family === "Trust" ? "" : weightOf(choice.lambda, this.setup.settings[choice.family]);
+    for (const [name, text] of Object.entries({ ...choice, psi, power: choice.family === "Trust" ? "" : power })) {
       if (form[name]?.type !== "range") continue;
       form[name].nextElementSibling.textContent = text;
       form[name].setAttribute("aria-valuetext", text);
