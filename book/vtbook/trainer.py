@@ -67,9 +67,10 @@ def mean_curves(runs: Mapping[str, Dataset], until: int) -> list[dict[str, Any]]
     curves = []
     for label, runs_of in runs.items():
         mean = runs_of.learning.sel(iteration=slice(None, until)).mean("run")
+        source = f"{NAMES.get(label, label)} from ten sources"
         curves.append(
             {
-                "label": f"{NAMES.get(label, label)} from ten sources, mean of {runs_of.sizes['run']} runs",
+                "label": f"{source}, mean of {runs_of.sizes['run']} runs",
                 "family": FAMILIES[label],
                 "colour": COLOURS[label],
                 "iterations": mean.iteration.values.tolist(),
