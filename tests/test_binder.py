@@ -11,7 +11,8 @@ import pytest
 ROOT = Path(__file__).resolve().parents[1]
 
 
-# It downloads and compiles what the other tests have set up already. The workflow runs it.
+# Skipped in `make test`, which would set up a second environment for minutes and needs no image.
+# The workflow sets the variable, and runs this test for each push to main and each pull request.
 @pytest.mark.skipif(
     "VTLIB_BINDER" not in os.environ,
     reason="installs everything anew, which takes minutes: the workflow sets VTLIB_BINDER=1",

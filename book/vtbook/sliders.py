@@ -28,8 +28,8 @@ def setting_sliders(
 ) -> VBox:
     """Sliders over the stored settings of a grid, each a picture with a sentence below it.
 
-    thesis: the settings of "GVT" and "1-MGVT" in the thesis. references: stored returns that are
-    drawn beside those of a setting, runs in the grid's order.
+    thesis: the settings of "GVT" and "1-MGVT" in the thesis. references: stored returns to
+    draw beside a setting's returns; their first runs must be the grid's runs, in the same order.
     """
     lambdas = sorted({transfer_settings(grid, label).lambda_ for label in grid.algorithms})
     axes, frames = widgets.parameter_axes(thesis, lambdas), dict[str, Frame]()

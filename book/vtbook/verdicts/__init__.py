@@ -1,8 +1,8 @@
 """The claims of chapter 6, page by page, each judged by our runs and on the published curves.
 
-No bound is a blind prediction: the first edition's runs had been seen. Most bounds were committed
-before the runs that they judge here; those of three rooms and of maze 8 together with them, so
-that which came first cannot be told. The scorecard has the whole table.
+No bound is a blind prediction, because the first edition's runs had been seen. Most bounds were
+committed before the runs that they judge. The bounds of three rooms and of maze 8 were committed
+together with their runs, so nobody can tell which came first. The scorecard has the whole table.
 """
 
 from collections.abc import Callable, Mapping
