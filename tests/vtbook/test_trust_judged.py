@@ -6,7 +6,8 @@ from attrs import evolve
 
 from vtbook import judgement
 from vtbook.experiments import EXPERIMENTS
-from vtbook.experiments.trust import JUDGED, LOSS, OURS, PARTED, PLACES
+from vtbook.experiments.compared import ENVIRONMENTS, FOUR
+from vtbook.experiments.trust import JUDGED, LOSS, OURS, PARTED, PICKED, PLACES, picked
 from vtbook.judgement import Contrast, contrasts, parted
 from vtlab.run import run_batch
 from vtlab.stats import Interval
@@ -26,6 +27,14 @@ def test_each_can_run(experiment):
     )
     short = evolve(experiment, iterations=200, algorithms={OURS: experiment.algorithms[OURS]})
     assert np.isfinite(run_batch(short, OURS, range(2), weights.astype(np.float32))["greedy"]).all()
+
+
+def test_the_best_source_is_fine_tuned_as_earned_most():
+    for number, tuned in enumerate(ENVIRONMENTS):
+        judged = tuned.judged()
+        labels = ("fine-tuned", f"fine-tuned{FOUR}", "DDQN, fine-tuned")
+        best = max(labels, key=lambda x: tuned.earned(judged, x).mean())
+        assert PLACES[number].experiment.algorithms[PICKED] == picked(judged, best)
 
 
 @pytest.mark.parametrize(

@@ -8,6 +8,7 @@ from vtbook.neighbours.guided import GuidedSettings
 from vtbook.neighbours.heads import HeadsSettings
 from vtbook.neighbours.ivon import IVONSettings
 from vtbook.neighbours.langevin import LangevinSettings
+from vtbook.neighbours.picked import PickedSettings
 from vtbook.neighbours.recommended import Recommended
 from vtbook.neighbours.repeated import RepeatedSettings
 from vtbook.neighbours.unstarted import UnstartedSettings
@@ -19,6 +20,7 @@ __all__ = [
     "HeadsSettings",
     "IVONSettings",
     "LangevinSettings",
+    "PickedSettings",
     "Recommended",
     "RepeatedSettings",
     "UnstartedSettings",

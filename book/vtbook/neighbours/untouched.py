@@ -59,12 +59,16 @@ class Untouched:
 
     def learn(self, transition: Transition) -> None:
         """Add up the returns of trials."""
-        tried = (self._episode < self._trials).float()
-        gained = tried * self._discount * transition.reward
+        gained = self.trying.float() * self._discount * transition.reward
         self._totals[self._runs, self._playing()] += gained
         self._discount *= self._settings.gamma
+
+    @property
+    def trying(self) -> Tensor:
+        """Whether a run still tries its sources (R,)."""
+        return self._episode < self._trials
 
     def _playing(self) -> Tensor:
         """The place of the source (R,) that plays."""
         trial = self._episode // self._settings.trials
-        return torch.where(self._episode < self._trials, trial, self._totals.argmax(1))
+        return torch.where(self.trying, trial, self._totals.argmax(1))
