@@ -27,6 +27,22 @@ def html_table(head: Row, rows: Iterable[Row], caption: str = "") -> str:
     return f"<table>{above}<thead><tr>{heads}</tr></thead><tbody>{body}</tbody></table>"
 
 
+def heat_table(head: Row, rows: Iterable[Row], behind: np.ndarray, caption: str) -> str:
+    """A table of numbers as text, the darker the further one is behind the best of its like.
+
+    behind (rows, columns): shares of a scale; below 3% a number is printed bold. What was not run
+    is not a number.
+    """
+    table = html_table(head, rows, caption)
+    for share in behind.flat:
+        look = "text-align: center"
+        if not np.isnan(share):  # in the cell's own style, which a notebook keeps, too
+            look += f"; background: rgb(0 114 178 / {min(share, 0.65):.0%})"
+            look += "; font-weight: bold" * bool(share < 0.03)
+        table = table.replace("<td>", f"<td style='{look}'>", 1)
+    return table
+
+
 OURS, PUBLISHED = "Our runs", "Published curve"
 MET = (
     "<em>Met</em>: the share of iterations at which our interval meets the published one; "
