@@ -34,7 +34,7 @@ def test_the_best_source_is_fine_tuned_as_earned_most():
         judged = tuned.judged()
         labels = ("fine-tuned", f"fine-tuned{FOUR}", "DDQN, fine-tuned")
         best = max(labels, key=lambda x: tuned.earned(judged, x).mean())
-        assert PLACES[number].experiment.algorithms[PICKED] == picked(judged, best)
+        assert PLACES[number].experiment.algorithms[PICKED] == picked(judged.algorithms[best])
 
 
 @pytest.mark.parametrize(
