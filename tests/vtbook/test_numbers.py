@@ -89,8 +89,8 @@ def held(label, level):
 
 # page, words around the number, and what computes it from what
 NUMBERS = [
-    ("index", f"After them it earns {SHARE}", mean_at, ROOMS + "-controls", "1-MGVT", 5_000),
-    ("index", f"return differs by {RANGE}", over_mazes, "1-MGVT", "NT"),
+    ("index", f"After 5,000 steps it earns {SHARE}", mean_at, ROOMS + "-controls", "1-MGVT", 5_000),
+    ("index", f"change its return by {RANGE}", over_mazes, "1-MGVT", "NT"),
     ("index", f"comes {SHARE}", mean_until, CAR + "-untouched", "untouched", END),
     (ROOMS, f"2,000 steps it has {SHARE}", mean_at, ROOMS + "-controls", "1-MGVT", 2_000),
     (ROOMS, rf"it has \d+% , fine-tuning {SHARE}", mean_at, ROOMS + "-controls", MEAN, 2_000),
