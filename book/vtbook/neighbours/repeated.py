@@ -27,6 +27,11 @@ class RepeatedSettings:
     settings: Any = field(default=Settings(), validator=kind(Algorithm))
     updates: int = field(default=4, validator=whole())
 
+    @property
+    def repeated(self) -> tuple[Any, int]:
+        """The algorithm and the number of its updates, for kernels that take them at once."""
+        return self.settings, self.updates
+
     def agent(self, q: QFunction, sources: Tensor, obs_dim: int, rng: Rng) -> Repeated:
         """The algorithm's agent, which transfers from sources (R, S, d)."""
         return Repeated(self.settings.agent(q, sources, obs_dim, rng), self.updates)

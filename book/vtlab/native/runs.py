@@ -44,6 +44,15 @@ PLACES = ("settings", "mu", "sources", "W", "L", "observation")  # in the order 
 ROLES = ("posterior", "component", "replay", "noise", "start", "exploration")
 
 
+def repeated(algorithm: Any) -> tuple[Any, int]:
+    """An algorithm, and how many gradient steps it takes for each step of a task.
+
+    One that repeats another's gradient steps says so by an attribute ``repeated``.
+    """
+    found: tuple[Any, int] = getattr(algorithm, "repeated", (algorithm, 1))
+    return found
+
+
 class _Settings(ctypes.Structure):
     """As ``Settings`` in algorithm.h."""
 
@@ -67,6 +76,7 @@ def supports(family: TaskFamily, algorithm: Any, sources: int) -> bool:
         return False
     if getattr(library, f"{family.kernel}_weights")() != family.q().d:
         return False
+    algorithm, _ = repeated(algorithm)
     if type(algorithm) is FineTuning:
         algorithm = algorithm.learner
     # a derived class may have another agent, so only these classes themselves are supported
@@ -118,6 +128,7 @@ class NativeRun:
         name: str,
         run: int,
     ) -> None:
+        algorithm, self._updates = repeated(algorithm)
         if isinstance(algorithm, FineTuning):
             start = algorithm.first_weights(start.unsqueeze(0))[0]
             algorithm = algorithm.learner
@@ -164,6 +175,7 @@ class NativeRun:
         s, to = self._algorithm, self._settings
         for name, value in kernel_settings(s).items():
             setattr(to, name, value)
+        to.updates = self._updates
         to.task[:] = [*parameters, *[0.0] * (MOST_PARAMETERS - len(parameters))]
         if not s.transfers:
             self.mu = self.mu[:1]
@@ -202,7 +214,8 @@ class NativeRun:
         """Run some iterations."""
         for done in range(0, iterations, AHEAD):
             count = min(AHEAD, iterations - done)
-            numbers = [self._numbers(role, count) for role in ROLES]
+            times = dict.fromkeys(("posterior", "replay"), count * self._updates)
+            numbers = [self._numbers(role, times.get(role, count)) for role in ROLES]
             random = _Random(*(array.ctypes.data for array in numbers))
             self._call["iterate"](self._at, count, ctypes.byref(random))
 

@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from vtbook.experiments.protocols import as_published
+from vtbook.neighbours import RepeatedSettings
 from vtlab.envs import CartpoleFamily, MazeFamily, MountainCarFamily, RoomsFamily
 from vtlab.episodes import Episodes
 from vtlab.native.runs import NativeRun, supports, train_natively
@@ -43,6 +44,9 @@ ALGORITHMS = [
     FineTuning(LEARNER),
     FineTuning(GREEDY, "mean"),
     Settings(sigma_min=0.01),  # more than the prior has
+    RepeatedSettings(Settings(components=2, minibatch=20, n_samples=3, alpha_L=1e-4), 3),
+    RepeatedSettings(as_published(Settings(minibatch=20, n_samples=3, alpha_L=1e-4)), 2),
+    RepeatedSettings(FineTuning(LEARNER, "mean"), 4),
 ]
 # each with a linear Q and with a network
 PAIRS = [(x, family) for i, x in enumerate(ALGORITHMS) for family in FAMILIES[i % 2 :: 2]]
