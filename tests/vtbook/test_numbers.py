@@ -99,7 +99,7 @@ NUMBERS = [
     (ROOMS, f"over 5,000 steps, is {RANGE}", gain, ROOMS + "-controls", "1-MGVT", MEAN),
     (OTHER, f"1-MGVT is clearly ahead{SAYS}", gain, OTHER, "1-MGVT", "GVT", 14_900),
     (OTHER, f"over 5,000 steps, is {RANGE}", gain, OTHER + "-controls", "1-MGVT", MEAN),
-    (SEARCH, f"explore by chance, {COUNT} do", lambda: (stored(SEARCH, "NT").max(1) > 0).sum()),
+    (SEARCH, f"explore at random only {COUNT} do", lambda: (stored(SEARCH, "NT").max(1) > 0).sum()),
     (SEARCH, f"GVT: cells visited{SAYS}", lambda: interval(cells("1-MGVT") - cells("GVT"))),
     (LIKELY, f"At 1,000 iterations GVT falls{SAYS}", at_six_doors, "GVT", "1-MGVT", 1_000),
     (LIKELY, f"fine-tuning of the mean by {RANGE}", at_six_doors, "1-MGVT", MEAN, 1_000),
