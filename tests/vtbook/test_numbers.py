@@ -107,7 +107,7 @@ NUMBERS = [
     (FEW, f"GVT earns {SHARE} from two", mean_at, FEW, "GVT-from-2", 1_950),
     (POLE, rf"1-MGVT \d+% {SHARE}", mean_until, POLE, "1-MGVT", END),
     (POLE, f"1-MGVT is not behind DDQN{SAYS}", gain, POLE, "1-MGVT", "DDQN", 8_900),
-    (CAR, f"After 40,000 1-MGVT has {SHARE}", mean_at, CAR, "1-MGVT", 40_000),
+    (CAR, f"steps 1-MGVT has come {SHARE}", mean_at, CAR, "1-MGVT", 40_000),
     (CAR, f"GVT {SHARES} 1-MGVT", mean_until, CAR, "GVT", 5_000, 10_000, END),
     (CAR, f"1-MGVT learns faster than GVT{SAYS}", gain, CAR, "1-MGVT", "GVT", 39_600),
     (CAR, f"our GVT comes {SHARE}", mean_at, CAR + "-unchecked", "GVT", 40_000),
