@@ -53,5 +53,5 @@ def _line(page: str, claim: Claim) -> str:
     return (
         f"<li data-page='{page}' data-verdict='{claim.verdict}'>{tables.escape(claim.text)} "
         f"<span class='verdict {claim.verdict.split()[0]}'>{claim.verdict}</span> "
-        f"<a href='{page}.html#the-claims'>{_title(page)}</a></li>"
+        f"<a href='{page}.html#evidence'>{_title(page)}</a></li>"
     )
