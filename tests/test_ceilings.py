@@ -15,7 +15,7 @@ WORDS = {
     "background": 1080,
     "setting": 840,
     "related": 900,
-    "method": 1700,
+    "method": 1350,
     "experiments": 250,
     "rooms_evaluation": 590,
     "rooms_distribution_change": 440,
@@ -30,8 +30,8 @@ WORDS = {
     "controls": 760,
     "comparison": 500,
     "recommended": 900,
-    "guide": 640,
-    "conclusions": 460,
+    "guide": 700,
+    "conclusions": 490,
 }
 APPENDIX = "parameters", "scorecard", "deviations", "reproducing", "glossary"
 APPENDIX_WORDS = 2780
