@@ -153,13 +153,6 @@ def test_a_claim_is_measured_alike_of_our_runs_and_on_the_published_curves(figur
     assert Figure(figure.experiment).claim(*alone).printed is None
 
 
-def test_rows_of_one_sentence_are_of_one_fact(figure):
-    earns, ahead = "{} does well.", "{} is ahead of {}."
-    rows = figure.earns(earns, "AB", 500) + figure.ahead(ahead, "A", "AB", 1_500)
-    assert [row.text for row in rows[1:3]] == ["B does well.", "A is ahead of A."]
-    assert [row.fact for row in rows] == [earns, earns, ahead, ahead]
-
-
 def test_curves_overlap_where_both_were_recorded_and_their_intervals_meet(figure, monkeypatch):
     # ours 1 +- 0.5 half widths of the mean at 500 and 1,000, published 1 +- 0.25; apart at 1,500
     assert figure.overlap("A", "learning") == pytest.approx(2 / 3)

@@ -7,10 +7,8 @@ import pytest
 
 from vtbook import trainer
 from vtbook.experiments.rooms import ROOMS_EVALUATION
-from vtbook.one_task import always, one_task, optimum
-from vtlab.envs.cartpole import CartpoleFamily
+from vtbook.one_task import one_task, optimum
 from vtlab.envs.mountain_car import MountainCarFamily
-from vtlab.envs.rooms import RoomsFamily
 from vtlab.permutation import same_distribution_p
 from vtlab.run import by_kernels, chosen_sources, run_batch, targets
 from vtlab.store import weights
@@ -61,14 +59,6 @@ def test_another_seed_draws_other_sources():
     )
     np.testing.assert_array_equal(first, again)
     assert (first != other).any()
-
-
-@pytest.mark.parametrize("family", [RoomsFamily(rooms=2), CartpoleFamily(), MountainCarFamily()])
-def test_a_family_of_one_task_is_else_as_before(family):
-    one = always(family, {"rooms": (2,), "cartpole": (1, 0.2, 0.5)}.get(family.kernel, (0.001,)))
-    assert isinstance(one, type(family))
-    assert one.kernel == family.kernel
-    assert one.q().d == family.q().d
 
 
 def test_a_stronger_engine_is_worth_more():
