@@ -37,6 +37,21 @@ def test_the_belief_is_bayes_rule_for_its_own_targets():
     np.testing.assert_allclose(belief.mean, mean, atol=1e-6)
 
 
+def test_the_band_collapses_where_the_agent_was_and_speaks_for_where_it_was_not():
+    before, belief = corridor.prior(), after(WALKS[:1])
+    width = np.sqrt(belief.covariance.diagonal())
+    assert width[WALKS[0]].max() < width[5:].min()
+    assert belief.mean[8] > before.mean[8] + 0.2
+    found = after([*WALKS, *WALKS[1:2] * 20])
+    np.testing.assert_allclose(found.mean[4:8], corridor.values(7)[4:8], atol=0.02)
+
+
+def test_a_walk_ends_at_a_peak_or_at_the_treasure():
+    assert corridor.walk(corridor.values(2)) == [4, 3, 2]
+    assert corridor.walk(corridor.values(9)) == [4, 5, 6, 7]
+    assert corridor.walk(corridor.values(4)) == [4]
+
+
 def test_the_page_believes_what_python_does_after_three_updates(call):
     page = bs4.BeautifulSoup(corridor.corridor(), "html.parser")
     setup = page.select_one("script[type='application/json']").string
