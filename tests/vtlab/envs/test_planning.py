@@ -81,6 +81,16 @@ def test_values_have_td_errors_of_mean_zero(kappa):
     assert off_zero(error.mean(1)) < PLANNING_BIAS / 10  # it adds up over an episode
 
 
+def test_a_door_on_the_way_is_better_and_no_value_leaks_through_a_wall(monkeypatch):
+    monkeypatch.setattr(rooms_planner, "SPACING", 1 / 3)
+    tasks = Rooms.from_doors([[5.0, 2.0], [9.5, 9.5], [0.5, 0.5], [9.5, 0.5]])
+    between, right, left, worst = RoomsFamily().optimum(tasks)
+    assert min(right, left) > between > worst
+    ends = torch.tensor([[1.0, 5 - 1e-3], [1.0, 5 + 1e-3]])
+    below, above = plan_rooms(Rooms.from_doors([[9.5]]), 0).value(ends)
+    assert above - below > 0.005
+
+
 @pytest.mark.parametrize("index", [0, 1])
 def test_a_planned_car_earns_its_values_and_beats_pushing_along(index):
     starts = torch.stack([torch.linspace(-0.85, -0.05, 9), torch.zeros(9)], 1)
