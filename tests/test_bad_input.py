@@ -17,7 +17,7 @@ from torch import nn
 from vtbook import neighbours
 from vtlab.bases import RBFLinear
 from vtlib.baselines import DDQNSettings, FineTuning, MellowTDSettings
-from vtlib.checks import LARGEST, shown
+from vtlib.checks import LARGEST, SHOWN, one_line, shown
 from vtlib.qfunctions import MLP, ModuleQ
 from vtlib.replay import Transition
 from vtlib.rng import Rng
@@ -177,6 +177,13 @@ def test_what_does_not_fit_a_q_function_is_refused():
     # the bases would look at the first two numbers and not notice the others
     for q in (RBFLinear(torch.arange(3.0), 1.0, 2), Q):
         assert "must have 2 numbers" in refused(q.prepare, torch.zeros(1, 1, 4))
+
+
+def test_values_are_shown_in_one_line_that_is_not_too_long():
+    assert shown("a\nb") == r"'a\nb'"
+    assert shown(10**5000) == "a value of type int"
+    assert shown("x" * 999) == "'" + "x" * (SHOWN - 1) + "..."
+    assert one_line("a\n\u2028λ") == r"a\n\u2028λ"
 
 
 def test_a_whole_number_of_numpy_becomes_one_of_python():

@@ -5,6 +5,7 @@ from functools import partial
 
 import numpy as np
 import pytest
+from scipy.stats import t as student
 
 from vtbook.comparisons import (
     holm,
@@ -62,6 +63,12 @@ def test_holms_p_values_are_those_of_its_steps():
     # 1 - (1 - .05 / 20)^20 = .0488, within three standard errors
     false = [(holm(p) < 0.05).any() for p in rng().random((2000, 20))]
     assert abs(np.mean(false) - 0.0488) < 3 * (0.0488 / 2000) ** 0.5
+
+
+def test_paired_runs_are_tested_by_their_differences():
+    base, shift = rng(1).normal(0, 100, 30), rng(2).normal(0.5, 1, 30)
+    t = shift.mean() / (shift.std(ddof=1) / 30**0.5)
+    assert paired_p(base + shift, base) == pytest.approx(2 * student.sf(abs(t), 29), rel=1e-6)
 
 
 def pair(g):
