@@ -45,11 +45,6 @@ SHOWN = (
 )
 
 
-def pictures(page):
-    """The pictures that the sliders show."""
-    return page.evaluate(f"{SHOWN}.map(one => one.outerHTML)")
-
-
 def assert_shown(page, setting, panels):
     """One picture is visible in each panel, and one description names the setting."""
     words = "(i.alt ?? i.getAttribute('aria-label'))"

@@ -78,11 +78,6 @@ VECTOR = gym.vector.SyncVectorEnv([Corridor])
 SOLVED = solve([Corridor()], Q, 1, LEARNER, trials=0)
 
 
-def test_greedy_returns_are_discounted_sums():
-    returns = evaluate([Corridor(), Corridor()], Q, BOTH.unsqueeze(1), episodes=3, gamma=0.5)
-    assert returns.tolist() == [[0.0] * 3, [1.9375] * 3]
-
-
 def test_a_source_that_keeps_its_promise_is_kept():
     learned = transfer([Corridor(), Corridor()], Q, BOTH, 200, trials=2)
     earned = evaluate([Corridor(), Corridor()], Q, learned.weights).mean(1)

@@ -70,17 +70,6 @@ def test_the_text_of_a_page_has_no_holes(built, page):
                 assert (path.parent / name).exists(), name
 
 
-def test_what_a_page_folds_is_folded_and_has_no_output_to_be_read(built):
-    cells = read(built("rooms_evaluation")).cells
-    code = [x for x in cells if x.cell_type == "code"]
-    numbers, claims = (next(x for x in code if y in x.source) for y in ("say(", "claims_table("))
-    assert "jupyter" not in code[0].metadata
-    assert numbers.outputs == []
-    for folded in (numbers, claims):
-        assert folded.metadata["jupyter"] == {"source_hidden": True, "outputs_hidden": True}
-    assert all(x.outputs for x in cells if x.cell_type == "code" and "plots." in x.source[:6])
-
-
 @pytest.fixture
 def copies(extension, tmp_path, monkeypatch):
     """A built notebook and a text, and a call that copies them."""

@@ -1,6 +1,5 @@
 """The promises of sources: beliefs in closed form, invariance, regret, and a state that goes on."""
 
-import attrs
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -132,15 +131,6 @@ def test_the_regret_against_the_best_source_is_that_of_a_bandit():
     gaps = means[0] - means[1:4]
     looks = 3 * PROMISE  # episodes 32, 64 and 128
     assert np.mean(regret) < looks + (8 * np.log(episodes) / gaps).sum()
-
-
-def test_a_saved_record_goes_on_as_if_nothing_had_happened():
-    def earns(arm, rng):
-        return PROMISE * rng.uniform()
-
-    whole = played(earns, episodes=40)
-    half = Record(**attrs.asdict(played(earns, episodes=20)))
-    assert played(earns, episodes=40, record=half, first=20) == whole
 
 
 def test_without_a_spread_a_promise_is_kept_to_the_letter():

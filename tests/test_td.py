@@ -11,7 +11,7 @@ from vtlab.bases import RBFLinear
 from vtlib import td
 from vtlib.qfunctions import MLP
 from vtlib.replay import Transition
-from vtlib.td import exp_of_differences, mellowmax, td_cotangent, td_error, td_gradients
+from vtlib.td import exp_of_differences, mellowmax, td_error, td_gradients
 
 VALUES = st.lists(st.floats(-1e3, 1e3), min_size=1, max_size=8)
 PROPERTY = settings(deadline=None, derandomize=True)
@@ -47,27 +47,6 @@ def test_exponentials_are_exact_where_a_sum_with_one_feels_them(dtype, x):
     torch.testing.assert_close(ours[kept], exact[kept], rtol=4 * eps, atol=0)
     assert not exact[~kept].gt(1.01 * eps).any()
     assert not ours[kept].lt(0.99 * eps).any(), "nothing may become denormal"
-
-
-@pytest.mark.parametrize("spread", [0.1, 1e3])  # the mellowmax soft, and as sharp as a maximum
-@pytest.mark.parametrize("psi", [0.0, 0.3, 1.0])
-def test_cotangents_are_autograds_with_the_next_state_weighted_by_psi(psi, spread):
-    # (2, 3, A=4, B=6), with three terminal transitions in each batch
-    g = torch.Generator().manual_seed(0)
-    q, q_next = spread * torch.randn(2, 2, 3, 4, 6, dtype=torch.float64, generator=g)
-    action = torch.randint(4, (2, 1, 6), generator=g)
-    reward = torch.randn(2, 1, 6, dtype=torch.float64, generator=g)
-    over = torch.tensor([True, False, False, True, False, True]).expand(2, 1, 6)
-    p = {"q": q, "q_next": q_next, "action": action, "reward": reward, "terminated": over}
-    before = {name: value.clone() for name, value in p.items()}
-    ours = td_cotangent(**p, psi=psi, gamma=0.9, kappa=30.0)
-    assert all(torch.equal(p[name], before[name]) for name in p), "arguments are left alone"
-    leaves = [p[name].requires_grad_() for name in ("q", "q_next")]
-    mixed = psi * p["q_next"] + (1 - psi) * p["q_next"].detach()
-    error = td_error(**{**p, "q_next": mixed}, gamma=0.9, kappa=30.0)
-    expected = torch.autograd.grad(error.square().mean(-1).sum(), leaves)
-    # gamma meets the flags of terminal states in float32
-    torch.testing.assert_close(ours, expected, rtol=1e-6, atol=1e-6)
 
 
 @pytest.mark.parametrize("psi", [0.0, 0.3, 1.0])

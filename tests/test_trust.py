@@ -102,9 +102,3 @@ def test_its_state_is_all_that_it_takes_to_go_on():
         t = Transition(obs, nothing.long(), nothing, later, nothing.bool())
         before.learned.learn(t), after.learned.learn(t)
     torch.testing.assert_close(after.learned.mu, before.learned.mu)
-
-
-@pytest.mark.parametrize("setting", ["components", "updates"])
-def test_a_setting_of_nothing_is_refused(setting):
-    with pytest.raises(ValueError, match=setting):
-        Trust(**{setting: 0})

@@ -45,9 +45,9 @@ NAME = re.compile(r"(vtlib|vtlab)(\.\w+)+")
 LABELLED = re.compile(r"^ *\$\$\n([^$]*)\n *\$\$ \((eq-\d-\d+)\)", re.MULTILINE)
 
 
-def formulas(book: Path = BOOK) -> dict[str, str]:
+def formulas() -> dict[str, str]:
     """LaTeX of every equation that carries one of the thesis' numbers, by label."""
-    pages = [page.read_text(encoding="utf-8") for page in sorted(book.glob("*.md"))]
+    pages = [page.read_text(encoding="utf-8") for page in sorted(BOOK.glob("*.md"))]
     equations = (equation for page in pages for equation in LABELLED.findall(page))
     return {label: "\n".join(map(str.strip, tex.splitlines())) for tex, label in equations}
 
@@ -62,23 +62,19 @@ def add_code_lines(app: Any, doctree: nodes.document) -> None:
             block.parent.insert(block.parent.index(block) + 1, line)
 
 
+def found(name: str) -> Any:
+    """What the code has of this name, if anything."""
+    try:
+        return pkgutil.resolve_name(name)
+    except (AttributeError, ImportError):
+        return None
+
+
 def home(name: str) -> str:
     """The name under which a thing is documented: where it is defined, not passed on."""
-    try:
-        thing = pkgutil.resolve_name(name)
-    except (AttributeError, ImportError):
-        return name
+    thing = found(name)
     defined = getattr(thing, "__module__", None), getattr(thing, "__qualname__", None)
     return ".".join(defined) if all(isinstance(part, str) for part in defined) else name
-
-
-def exists(name: str) -> bool:
-    """Whether the code has something of this name."""
-    try:
-        pkgutil.resolve_name(name)
-    except (AttributeError, ImportError):
-        return False
-    return True
 
 
 def target(objects: dict[str, Any], text: str) -> str | None:
@@ -101,7 +97,7 @@ def link_names(app: Any, doctree: nodes.document, docname: str) -> None:
             where = place.docname, place.node_id
             link = make_refnode(app.builder, docname, *where, literal.deepcopy(), name)
             literal.replace_self(link)
-        elif NAME.fullmatch(text) and not exists(text):
+        elif NAME.fullmatch(text) and found(text) is None:
             LOGGER.warning("the code has no %s", text, location=literal)
 
 

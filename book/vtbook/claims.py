@@ -125,9 +125,9 @@ class Runs:
         """The mean return at an iteration."""
         return mean_interval(self.shares(t, kind))
 
-    def gain(self, other: Runs, t: int, kind: str = "learning") -> Interval:
+    def gain(self, other: Runs, t: int) -> Interval:
         """How much more this algorithm earns than another at an iteration, paired by run."""
-        return mean_interval((self.at(t, kind) - other.at(t, kind)) / self.scale)
+        return mean_interval((self.at(t) - other.at(t)) / self.scale)
 
     def gain_until(self, other: Runs, t: int) -> Interval:
         """How much more this algorithm earns than another until an iteration, paired by run."""
@@ -185,9 +185,9 @@ class Printed:
         """The mean return at an iteration."""
         return Interval(*((x - self.floor) / self.scale for x in getattr(self, kind).at(t)))
 
-    def gain(self, other: Printed, t: int, kind: str = "learning") -> Interval:
+    def gain(self, other: Printed, t: int) -> Interval:
         """How much more this algorithm earns than another; the pairing of runs is lost."""
-        return difference(self.share(t, kind), other.share(t, kind))
+        return difference(self.share(t), other.share(t))
 
     def gain_until(self, other: Printed, t: int) -> Interval:
         """How much more this algorithm earns than another until an iteration."""

@@ -6,7 +6,6 @@ from numpy.random import Generator
 from scipy import stats
 
 from vtlab.stats import Interval, checked_runs
-from vtlib.checks import shown
 
 
 def student_interval(centre: float, error: float, freedom: int) -> Interval:
@@ -36,13 +35,8 @@ def spread_interval(a: ndarray, b: ndarray, rng: Generator, draws: int = 2000) -
 
 
 def slope_interval(x: ndarray, y: ndarray) -> Interval:
-    """Least-squares slope of y on x, both (R,), with its 95 % Student interval.
-
-    Raises ValueError with fewer than 3 runs, values that are not finite, or when all x are equal.
-    """
+    """Least-squares slope of y on x, both (R,), with its 95 % Student interval."""
     x, y = checked_runs(x, y)
-    if x.ndim > 1 or len(x) < 3 or np.ptp(x) == 0:
-        raise ValueError(f"a slope needs at least 3 runs at different places, got {shown(x)}")
     line = stats.linregress(x, y)
     return student_interval(line.slope, line.stderr, len(x) - 2)
 

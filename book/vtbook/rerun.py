@@ -15,7 +15,7 @@ from vtbook import plots
 from vtbook.tables import words
 from vtlab.experiment import Algorithm, Experiment
 from vtlab.run import run_batch
-from vtlab.stats import Interval, mean_interval
+from vtlab.stats import mean_interval
 from vtlab.store import returns, weights
 from vtlab.workers import processors
 from vtlib.checks import check_one_of, check_whole
@@ -131,12 +131,8 @@ def try_settings(
     return "\n".join(
         [
             f"{label}, {runs} runs, mean learning return over {iterations:,} iterations",
-            f"  stored      {_words(mean_interval(old))}",
-            f"  yours       {_words(mean_interval(yours))}",
-            f"  difference  {_words(mean_interval(yours - old), '+')}",
+            f"  stored      {words(mean_interval(old), '.3g')}",
+            f"  yours       {words(mean_interval(yours), '.3g')}",
+            f"  difference  {words(mean_interval(yours - old), '+.3g')}",
         ]
     )
-
-
-def _words(number: Interval, sign: str = "") -> str:
-    return "{} ({} to {})".format(*(words(x, f"{sign}.3g") for x in number))

@@ -44,13 +44,8 @@ class Axis:
 
 
 def parameter_axes(thesis: Mapping[str, Settings], lambdas: Sequence[float]) -> list[Axis]:
-    """Sliders over lambda, psi and the posterior, which start at the thesis' 1-MGVT.
-
-    Raises ValueError when the lambda or the psi of 1-MGVT is not on the grid.
-    """
+    """Sliders over lambda, psi and the posterior, which start at the thesis' 1-MGVT."""
     base = thesis["1-MGVT"]
-    if base.lambda_ not in lambdas or base.psi not in PSIS:
-        raise ValueError(f"sliders lack lambda {base.lambda_} or psi {base.psi} of 1-MGVT")
     powers, shares = [(power_of_ten(x), x) for x in lambdas], [(f"{x:g}", x) for x in PSIS]
     kinds, spoken = [(x, x) for x in POSTERIORS], "posterior, a Gaussian or C components"
     return [

@@ -82,9 +82,8 @@ def test_shares_are_of_the_way_from_the_floor_to_the_mean_optimum():
 
 def test_gains_are_paired_by_run_and_those_of_published_curves_cannot_be():
     # each run shares its luck, of which one algorithm makes three times as much
-    a, b = runs([2, 4, 6], [3, 3, 3], 4.0, 3.0), runs([0, 1, 2], [0, 0, 1], 4.0, 1.0)
+    a, b = runs([2, 4, 6], None, 4.0, 3.0), runs([0, 1, 2], None, 4.0, 1.0)
     assert near(a.gain(b, 500), 0.5, HALF / 2)
-    assert near(a.gain(b, 1_500, "greedy"), 0.5, HALF / 2)
     assert near(a.gain_until(b, 1_499), 2.5 / 4, HALF / 2)
     assert near(a.gain_until(b, 1_500), 0.75, HALF / 2)
     c, d = printed([2, 4, 6], 3.0, scale=4.0), printed([0, 1, 2], 4.0, scale=4.0)

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from attrs import evolve
 
-from vtbook.experiments.compared import ENVIRONMENTS, FOUR, SPACES, candidate
+from vtbook.experiments.compared import ENVIRONMENTS, SPACES, candidate
 from vtbook.experiments.factorial import FACTORIAL, PARTS, ROOMS, effects
-from vtlab.run import run_batch, targets
+from vtlab.run import run_batch
 from vtlab.store import weights
 from vtlib.training import Diverged
 
@@ -33,25 +33,6 @@ def test_a_setting_that_is_out_does_diverge(e):
         one = evolve(runs, algorithms={name: e.candidates(label)[at]})
         with pytest.raises(Diverged, match="not finite"):
             run_batch(one, name, range(tuning.runs), weights(one.pool))
-
-
-@EACH
-def test_four_updates_and_one_share_their_default_and_not_their_draws(e):
-    for label in ("fine-tuned", "1-MGVT", "3-MGVT"):
-        one, four = e.candidates(label), e.candidates(label + FOUR)
-        assert four[0].settings == one[0]
-        assert any(many.settings not in one for many in four[1:])
-
-
-@EACH
-def test_tasks_of_tuning_and_of_judgement_differ(e):
-    tuning, judged = e.tuning(), e.judged()
-    assert judged.iterations == tuning.iterations == e.iterations
-    assert list(judged.algorithms) == [x for x in SPACES if x not in e.diverged]
-    told, tuned = (x.family.values(targets(x, range(x.runs))) for x in (judged, tuning))
-    for name, values in told.items():
-        seen = {x.tobytes() for x in values}
-        assert len(seen) == 1 or not {x.tobytes() for x in tuned[name]} <= seen
 
 
 def test_a_part_is_what_its_combinations_earn_beyond_those_without():

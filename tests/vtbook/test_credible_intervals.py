@@ -47,12 +47,6 @@ PLACES = (torch.arange(24) + 0.5) * 10 / 24
 STATES, BASES = torch.cartesian_prod(PLACES, PLACES), RoomsFamily().q()
 
 
-def test_values_in_the_span_are_their_own_projection():
-    w = torch.randn(BASES.d, generator=torch.Generator().manual_seed(0))
-    values = BASES.q(w.view(1, 1, -1), BASES.prepare(STATES[None]))[0, 0].T
-    torch.testing.assert_close(nearest_weights(BASES, STATES, values).float(), w)
-
-
 def test_what_no_weights_represent_is_orthogonal_to_the_bases():
     features = BASES.prepare(STATES[None])[0].T.double()
     values = (STATES.sum(1, keepdim=True) > torch.arange(6.0, 10)).double()  # steps, like walls

@@ -47,8 +47,3 @@ def test_bins_hold_shares_of_each_runs_optimum_and_the_published_ones_of_theirs(
         np.testing.assert_allclose(rows["normalised_likelihood"], likelihood.EDGES)
         expected = np.stack([rows[x] for x in ("mean", "low", "high")], 1)
         np.testing.assert_allclose(bins, expected / OPTIMUM.reshape(5, 2).mean(1, keepdims=True))
-
-
-def test_the_gap_is_paired_by_door(stored):
-    expected = mean_interval((0.25 - 0.5) * 1.25 * np.array([1.1, 0.9]))
-    np.testing.assert_allclose(likelihood.gap(HERE, 1_000), expected)

@@ -67,11 +67,3 @@ def test_noise_biases_the_solution_where_descent_ends_as_in_closed_form(method, 
     descent = method.descend(method.noisy, STARTS, psi)
     assert_close(descent[-1], closed.expand(3, 2))
     assert_close(method.solution(method.shared, psi), torch.zeros(2).double())
-
-
-@pytest.mark.parametrize("psi", [0.0, 0.1, 0.2, 0.3, 0.5, 1.0])
-def test_descent_grows_or_shrinks_as_the_eigenvalues_say(method, psi):
-    shared = method.shared
-    grows = bool(method.descend(shared, STARTS, psi)[-1].norm() > STARTS.norm())
-    eigenvalues = torch.linalg.eigvals(method.linear_part(shared, psi)[0])
-    assert grows == bool(eigenvalues.real.min() < 0)

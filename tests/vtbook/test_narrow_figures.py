@@ -44,20 +44,3 @@ def test_panels_stand_below_each_other_and_say_what_they_shared():
         assert axes[0, 1].yaxis.get_tick_params()["labelleft"]
         texts = [one for one in figure.findobj(Text) if one.get_text()]
         assert min(one.get_fontsize() for one in texts) >= SMALLEST
-
-
-def test_many_panels_stand_in_columns_and_the_figure_is_what_it_was():
-    some = (False, (2, 4), 1), (False, (2, 5), 2), (False, (3, 3), 3), (True, (3, 4), 4)
-    with look():
-        for maps, shape, columns in some:
-            figure, axes = drawn(*shape)
-            for ax in axes.flat:
-                ax.set_aspect("equal" if maps else "auto")
-            for _ in range(3):  # the first drawings lay it out
-                figure._png()
-            before = figure._png()
-            thin = narrow(figure)
-            thin.draw_without_rendering()
-            assert before == figure._png()
-            left = {round(ax.get_position().x0, 2) for ax in thin.axes}
-            assert len(left) == columns

@@ -1,19 +1,11 @@
 """A panel's setting for the engines: one task, with the reader's numbers, as the page trains it."""
 
-import json
-
 import numpy as np
 import pytest
 
-from vtbook import trainer
-from vtbook.experiments.rooms import ROOMS_EVALUATION
-from vtbook.one_task import always, one_task, optimum
-from vtlab.envs.cartpole import CartpoleFamily
+from vtbook.one_task import one_task, optimum
 from vtlab.envs.mountain_car import MountainCarFamily
-from vtlab.envs.rooms import RoomsFamily
-from vtlab.permutation import same_distribution_p
-from vtlab.run import by_kernels, chosen_sources, run_batch, targets
-from vtlab.store import weights
+from vtlab.run import by_kernels, chosen_sources, targets
 from vtlib.trust import Trust
 
 TOLD = {"sources": 2, "iterations": 500, "seed": 3, "psi": 0.5, "components": 1}
@@ -42,18 +34,6 @@ def test_the_recommended_method_is_a_setting_too():
     assert list(here.algorithms) == ["Trust", "fine-tuned mean", "NT"]
 
 
-def test_runs_of_a_setting_are_distributed_as_the_page_s(node):
-    task, runs = TASKS["rooms-evaluation"], range(20)
-    here = one_task("rooms-evaluation", task, "MGVT", lambda_=1e-6, **TOLD)
-    made = run_batch(here, "1-MGVT", runs, weights(here.pool))["learning"][:, -1]
-    sources = chosen_sources(here, runs).tolist()
-    told = {"family": "MGVT", "components": 1, "task": [*task, 2]}
-    each = [{**told, "indices": sources[run], "seed": run} for run in runs]
-    html = trainer.train_here(ROOMS_EVALUATION, (2.0, 8.0))
-    page = [run[0] for run in json.loads(node(html, "runs.js", json.dumps([each, 500])))]
-    assert same_distribution_p(made, np.array(page), np.random.default_rng(0)) > 1e-3
-
-
 def test_another_seed_draws_other_sources():
     first, again, other = (
         chosen_sources(one_task("cartpole", TASKS["cartpole"], "MGVT", **{**TOLD, "seed": s}), [0])
@@ -61,14 +41,6 @@ def test_another_seed_draws_other_sources():
     )
     np.testing.assert_array_equal(first, again)
     assert (first != other).any()
-
-
-@pytest.mark.parametrize("family", [RoomsFamily(rooms=2), CartpoleFamily(), MountainCarFamily()])
-def test_a_family_of_one_task_is_else_as_before(family):
-    one = always(family, {"rooms": (2,), "cartpole": (1, 0.2, 0.5)}.get(family.kernel, (0.001,)))
-    assert isinstance(one, type(family))
-    assert one.kernel == family.kernel
-    assert one.q().d == family.q().d
 
 
 def test_a_stronger_engine_is_worth_more():

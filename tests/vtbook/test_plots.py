@@ -1,16 +1,11 @@
 """One look: colours told apart by every eye, and figures that carry what a reader needs."""
 
 import itertools
-import re
-from base64 import b64decode, b64encode
-from html import unescape
-from io import BytesIO
 
 import numpy as np
 import pytest
 from matplotlib.collections import PolyCollection
 from matplotlib.colors import to_hex, to_rgb
-from PIL import Image
 from xarray import Dataset
 
 from vtbook import plots
@@ -161,28 +156,3 @@ def test_intervals_stand_below_each_other_and_beside_the_first_with_every_run():
         spans = [x.get_xdata().tolist() for x in parts[1::3]]
         assert spans == [[band.low, band.high] for band in bands]
         assert set(mark.get_xdata()) == {group["as it is"].mean()}
-
-
-def test_an_image_carries_its_picture_and_its_description_whatever_it_says():
-    picture, alt = b"RIFF\x00\xff", '"><script>x</script> &quot; a "word": x < y & y > z'
-    html = plots.image_html(picture, alt)
-    told, source = re.fullmatch(r'<img alt="([^"<]*)" style="[^"]*" src="([^"]*)">', html).groups()
-    assert unescape(told) == alt
-    assert source == f"data:image/webp;base64,{b64encode(picture).decode()}"
-
-
-def test_a_figure_of_panels_has_a_picture_for_telephones_beside_its_own():
-    with plots.look():
-        figure = plots.BookFigure(figsize=(7.6, 3))
-        drawing = plots.BookFigure(figsize=(3, 3), layout="none")
-        figure.subplots(1, 2), drawing.add_axes((0.2, 0.2, 0.7, 0.7))
-        wide, tall = plots.figure_html(figure, "two"), plots.figure_html(drawing, "one")
-    sizes = []
-    for source in re.findall(r"base64,([^\"]*)", wide):
-        sizes.append(Image.open(BytesIO(b64decode(source))).size)
-    narrow, own = sizes  # the browser takes the first that fits
-    assert narrow[0] < own[0]
-    assert narrow[1] > own[1]
-    assert wide.startswith('<picture><source media="(max-width: 600px)"')
-    assert wide.count('alt="two"') == 1
-    assert tall.startswith('<img alt="one"')

@@ -1,8 +1,6 @@
 """Tables: facts counted once."""
 
-import numpy as np
 import pytest
-from bs4 import BeautifulSoup
 
 from vtbook import tables
 from vtbook.claims import NOT, REPRODUCED, STRONGER, UNDECIDED, Claim
@@ -13,16 +11,6 @@ IN, OUT, ACROSS = Interval(0.5, 0.4, 0.6), Interval(1.5, 1.4, 1.6), Interval(0.9
 
 def claim_of(text, number, **more):
     return Claim(text, "", number, None, 0.0, 1.0, "high", **more)
-
-
-def test_a_heat_table_is_dark_where_a_number_is_behind_and_bold_where_it_leads():
-    cells, behind = [["a", "90", "–"], ["b", "−7", "5"]], np.array([[0.0, np.nan], [0.97, 0.0]])
-    table = BeautifulSoup(tables.heat_table(["", "x", "y"], cells, behind, "c < d"), "html.parser")
-    assert [td.text for td in table.select("td")] == ["90", "–", "−7", "5"]
-    shades = [td["style"].partition("/ ")[2][:3].rstrip(");") for td in table.select("td")]
-    assert shades == ["0%", "", "65%", "0%"]
-    assert ["bold" in td["style"] for td in table.select("td")] == [True, False, False, True]
-    assert table.caption.text == "c < d"
 
 
 def test_the_tally_counts_the_thesis_own_facts():

@@ -15,8 +15,7 @@ from vtbook.browser_panel import STATIC, static
 from vtbook.checkpoints import pauses
 from vtbook.experiments.cartpole import CARTPOLE
 from vtbook.experiments.mountain_car import CAR
-from vtbook.experiments.protocols import FROM_MEAN
-from vtbook.experiments.rooms import ROOMS_CHANGE, ROOMS_EVALUATION, ROOMS_LIKELIHOOD
+from vtbook.experiments.rooms import ROOMS_EVALUATION, ROOMS_LIKELIHOOD
 from vtbook.experiments.trust import PLACES
 from vtbook.stages import STAGES
 from vtbook.zero_shot import greedy_returns
@@ -25,7 +24,6 @@ from vtlab.native.runs import LANES, MOST_COMPONENTS, MOST_SOURCES, NO_CLIP
 from vtlab.permutation import same_distribution_p
 from vtlab.run import chosen_sources, prepare, targets
 from vtlab.store import load, returns, weights
-from vtlib.baselines import DDQNSettings, MellowTDSettings
 from vtlib.promises import Record
 
 bs4 = pytest.importorskip("bs4")
@@ -164,21 +162,6 @@ def test_a_page_grows_by_little_and_holds_the_sources_and_the_kernels_settings()
     assert (told["GVT"]["ddof"], told["GVT"]["kl_clip"], told["NT"]["clip"]) == (1, 100, NO_CLIP)
     found = told["MGVT"]["variance"], told["fine"]["epsilon_start"], told["GVT"]["scale"]
     assert found == pytest.approx((1e-5, 0.02, 1e4))
-
-
-@pytest.mark.parametrize("experiment", [CARTPOLE, CAR], ids=lambda x: x.name)
-def test_a_panel_says_that_its_fine_tuning_is_not_the_stored_one(experiment):
-    kept, here = experiment.algorithms[FROM_MEAN], STAGES[experiment.family.kernel]
-    assert isinstance(kept.learner, DDQNSettings)
-    assert isinstance(here.algorithms["fine"], MellowTDSettings)
-    assert here.note in trainer.train_here(experiment, TASKS[experiment.family.kernel])
-
-
-def test_a_panel_of_two_pools_holds_both():
-    html = trainer.train_here(EVALUATION, (2.0, 8.0), other=ROOMS_CHANGE)
-    setup = json.loads(setup_of(html))
-    assert (setup["pools"], len(setup["scales"])) == (2, 100)
-    assert setup["experiments"] == ["rooms-evaluation", "rooms-distribution-change"]
 
 
 @pytest.mark.parametrize("experiment", [CARTPOLE, CAR], ids=lambda x: x.name)

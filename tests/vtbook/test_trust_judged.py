@@ -2,31 +2,13 @@
 
 import numpy as np
 import pytest
-from attrs import evolve
 
 from vtbook import judgement
-from vtbook.experiments import EXPERIMENTS
 from vtbook.experiments.compared import ENVIRONMENTS, FOUR
-from vtbook.experiments.trust import JUDGED, LOSS, OURS, PARTED, PICKED, PLACES, picked
-from vtbook.judgement import Contrast, contrasts, parted
-from vtlab.run import run_batch
+from vtbook.experiments.trust import LOSS, OURS, PARTED, PICKED, PLACES, picked
+from vtbook.judgement import Contrast, parted
 from vtlab.stats import Interval
 from vtlab.store import results_folder
-
-
-def test_no_stream_was_used_before():
-    used = {e.stream for e in EXPERIMENTS.values() if e not in (*JUDGED, *PARTED.values())}
-    assert not used & {e.stream for e in JUDGED}
-    assert len({e.stream for e in JUDGED}) == len(JUDGED)
-
-
-@pytest.mark.parametrize("experiment", JUDGED, ids=lambda e: e.name)
-def test_each_can_run(experiment):
-    weights = np.random.default_rng(0).standard_normal(
-        (experiment.pool.count, experiment.family.q().d)
-    )
-    short = evolve(experiment, iterations=200, algorithms={OURS: experiment.algorithms[OURS]})
-    assert np.isfinite(run_batch(short, OURS, range(2), weights.astype(np.float32))["greedy"]).all()
 
 
 def test_the_best_source_is_fine_tuned_as_earned_most():
@@ -63,13 +45,6 @@ def assert_paired(found, one, other):
     gain = one - other
     half = 2.0452 * gain.std(ddof=1) / 30**0.5
     np.testing.assert_allclose(found, [gain.mean(), gain.mean() - half, gain.mean() + half], 1e-3)
-
-
-def test_a_contrast_is_what_the_files_say():
-    place = PLACES[2]
-    earned = [mean_shares_of(place.experiment, x, place.first) for x in ("trust", "fine-tuned")]
-    (found,) = [x for x in contrasts() if (x.place, x.rival) == (place.title, "fine-tuned")]
-    assert_paired(found.gain, *earned)
 
 
 def test_an_ingredient_is_worth_what_the_files_say():

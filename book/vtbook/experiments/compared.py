@@ -152,12 +152,10 @@ class Compared:
         )
 
 
-def mean_shares(
-    experiment: Experiment, label: str, first: int = 0, last: int | None = None
-) -> np.ndarray:
-    """Stored learning returns (R,), averaged over some iterations, as shares of the optimum."""
+def mean_shares(experiment: Experiment, label: str, first: int = 0) -> np.ndarray:
+    """Stored learning returns (R,), averaged from an iteration on, as shares of the optimum."""
     stored, floor = returns(experiment, label), floor_of(experiment)
-    mean = stored.learning.sel(iteration=slice(first, last)).mean("iteration").values
+    mean = stored.learning.sel(iteration=slice(first, None)).mean("iteration").values
     return np.asarray((mean - floor) / (float(stored.optimum.mean()) - floor))
 
 

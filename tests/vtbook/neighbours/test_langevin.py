@@ -23,24 +23,3 @@ def test_a_step_is_its_formula(kind, on_a_line):
         xi = noise.normal(2).unsqueeze(1)
         w = w - 0.02 * (g + 0.3 * m / (v + 1e-8) ** 0.5) + (2 * 0.02 * 0.1 / t) ** 0.5 * xi
         torch.testing.assert_close(agent.mu, w, rtol=1e-4, atol=1e-5)
-
-
-def test_the_law_of_the_weights_on_a_quadratic_error_is_the_exact_recursion(on_a_line):
-    runs, lambda_, alpha, jitter = 4000, 2.0, 0.05, 0.5
-    how = {"lambda_": lambda_, "alpha": alpha, "bias": 0.0, "jitter": jitter, "minibatch": 1}
-    # without a spread the prior is N(0, jitter I)
-    agent, step = on_a_line(LangevinSettings(prior="gaussian", **how), torch.zeros(runs, 1, 2))
-    # along (1, 1) / sqrt 2 the error has curvature 4 and is least at the reward by sqrt 2
-    mean, along, across = 0.0, 0.0, 0.0
-    for t in range(1, 41):
-        agent.learn(step)
-        heat = lambda_ / t
-        pull = heat / jitter
-        mean += alpha * (4 * (2 / 2**0.5 - mean) - pull * mean)
-        along = (1 - alpha * (4 + pull)) ** 2 * along + 2 * alpha * heat
-        across = (1 - alpha * pull) ** 2 * across + 2 * alpha * heat
-    u = agent.mu[:, 0] @ torch.tensor([[1.0, 1.0], [1.0, -1.0]]) / 2**0.5
-    error = 5 / runs**0.5  # five standard errors of a mean; of a variance sqrt 2 times as many
-    variances = torch.tensor([along, across])
-    assert ((u.mean(0) - torch.tensor([mean, 0.0])).abs() < error * variances**0.5).all()
-    assert ((u.var(0) / variances - 1).abs() < error * 2**0.5).all()

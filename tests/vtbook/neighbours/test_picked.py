@@ -3,8 +3,8 @@
 import pytest
 import torch
 
-from vtbook.neighbours import PickedSettings, RepeatedSettings
-from vtlib.baselines import DDQNSettings, FineTuning, MellowTDSettings
+from vtbook.neighbours import PickedSettings
+from vtlib.baselines import DDQNSettings, MellowTDSettings
 from vtlib.qfunctions import MLP, greedy
 from vtlib.replay import Transition
 from vtlib.rng import Rng
@@ -42,13 +42,6 @@ def test_sources_are_tried_in_turn_and_the_best_is_where_learning_starts(learner
     assert 0 < moved < 3 * 3 * learner.alpha  # three of Adam's steps, whose moments begin at zero
 
 
-def test_learning_starts_as_fine_tuning_of_the_best_source_does():
-    _, sources, agent = played(PickedSettings(MELLOW, trials=1), episodes=3)
-    agent.act(torch.zeros(2, 2), torch.tensor([True, True]))
-    tuning = FineTuning(MELLOW).agent(Q, sources[:, 1:2], 2, Rng("picked", [0, 1]))
-    assert torch.equal(agent.mu, tuning.mu)
-
-
 def test_ddqn_values_by_the_best_source_and_not_by_the_first():
     _, sources, agent = played(PickedSettings(DDQN), episodes=3)
     agent.act(torch.zeros(2, 2), torch.tensor([True, True]))
@@ -66,15 +59,3 @@ def test_a_run_begins_when_its_own_trials_end():
         agent.learn(step)
     assert not torch.equal(agent.mu[0, 0], sources[0, 0])  # it learns
     assert torch.equal(agent.mu[1, 0], sources[1, 0])  # it still tries the first source
-
-
-def test_several_updates_are_the_learners():
-    one, _, _ = played(PickedSettings(MELLOW))
-    four, _, _ = played(RepeatedSettings(PickedSettings(MELLOW), 4))
-    assert torch.equal(one[3], four[3])
-    assert (four[4] - four[3]).abs().amax() > 2 * (one[4] - one[3]).abs().amax()
-
-
-def test_no_trials_are_refused():
-    with pytest.raises(ValueError, match="trials must"):
-        PickedSettings(trials=0)
