@@ -28,12 +28,12 @@ def html_table(head: Row, rows: Iterable[Row], caption: str = "") -> str:
 
 
 def heat_table(head: Row, rows: Iterable[Row], behind: np.ndarray, caption: str) -> str:
-    """A table of numbers as text, the darker the further one is behind the best of its like.
+    """A table of numbers as text, the bluer the further one is behind the best of its like.
 
     behind (rows, columns): shares of a scale; below 3% a number is printed bold. What was not run
     is not a number.
     """
-    table = html_table(head, rows, caption)
+    table = html_table(head, rows, caption).replace("<table>", "<table class='heat'>")
     for share in behind.flat:
         look = "text-align: center"
         if not np.isnan(share):  # in the cell's own style, which a notebook keeps, too
