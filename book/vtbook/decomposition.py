@@ -20,8 +20,17 @@ def course(experiment: Experiment, label: str) -> np.ndarray:
 
     Where several runs have one task, the task is the unit, and its runs are averaged.
     """
-    shares = Runs.of(experiment, label).shares_until(experiment.iterations)
-    return np.asarray(shares.reshape(-1, experiment.runs_per_task).mean(1))
+    return _by_task(experiment, Runs.of(experiment, label).shares_until(experiment.iterations))
+
+
+def at_end(experiment: Experiment, label: str, other: str) -> np.ndarray:
+    """How much more an algorithm earns than another at the end, on the same tasks (U,)."""
+    first, second = (Runs.of(experiment, x).shares(experiment.iterations) for x in (label, other))
+    return _by_task(experiment, first - second)
+
+
+def _by_task(experiment: Experiment, values: np.ndarray) -> np.ndarray:
+    return np.asarray(values.reshape(-1, experiment.runs_per_task).mean(1))
 
 
 def difference(experiment: Experiment, label: str, other: str) -> np.ndarray:
