@@ -28,16 +28,16 @@ def html_table(head: Row, rows: Iterable[Row], caption: str = "") -> str:
 
 
 def heat_table(head: Row, rows: Iterable[Row], behind: np.ndarray, caption: str) -> str:
-    """A table of numbers as text, the bluer the further one is behind the best of its like.
+    """A table of numbers as text, the bluer the nearer one is to the best of its like.
 
-    behind (rows, columns): shares of a scale; below 3% a number is printed bold. What was not run
-    is not a number.
+    behind (rows, columns): by how much of a scale it is behind; below 3% a number is printed bold.
+    What was not run is not a number.
     """
     table = html_table(head, rows, caption).replace("<table>", "<table class='heat'>")
     for share in behind.flat:
         look = "text-align: center"
         if not np.isnan(share):  # in the cell's own style, which a notebook keeps, too
-            look += f"; background: rgb(0 114 178 / {min(share, 0.65):.0%})"
+            look += f"; background: rgb(0 114 178 / {max(0.5 - share, 0):.0%})"
             look += "; font-weight: bold" * bool(share < 0.03)
         table = table.replace("<td>", f"<td style='{look}'>", 1)
     return table
