@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from vtlib.promises import LEAST, LOOKS, PRIOR, SHARES, WIDE, Record, beliefs, evidence
+from vtlib.promises import LEAST, LOOKS, PRIOR, RECENT, SHARES, WIDE, Record, beliefs, evidence
 
 PROMISE, SPREAD = 10.0, 1.0
 
@@ -147,3 +147,26 @@ def test_a_record_can_be_asked_within_the_first_episode():
     assert record.tried == []
     assert record.best() == 0
     assert not record.source_leads
+
+
+@pytest.mark.parametrize(
+    ("played", "gained", "lost"),
+    [
+        ([], [], False),  # nothing has ended yet
+        ([0, 1], [0.0, 0.0], True),  # sources that earn all the same
+        ([0, 1], [0.0, 0.5], False),
+        ([0, 2, 2], [0.0, 0.0, 0.0], True),
+        ([0, 2, 2], [0.5, 0.0, 0.0], True),  # a source may have been lucky
+        ([0, 2, 2], [0.0, 0.0, 0.5], False),
+        ([0, 2, 2], [-9.0, -5.0, -5.0], False),
+    ],
+)
+def test_what_was_learned_is_lost_where_it_earns_the_least_of_all(played, gained, lost):
+    assert Record(2, played=played, gained=gained).lost == lost
+
+
+def test_it_is_lost_again_when_it_has_earned_nothing_for_a_while():
+    record = Record(1, played=[1] * (RECENT + 1), gained=[1.0, *[0.0] * RECENT])
+    assert record.lost
+    record.gained[-RECENT] = 1.0
+    assert not record.lost

@@ -55,6 +55,17 @@ def test_what_was_learned_acts_where_promises_are_broken():
     assert len(agent.records[0].trust) == len(played)
 
 
+def test_actions_are_random_now_and_then_where_nothing_is_earned():
+    agent, _ = run(FIRST + LENGTH, reward=-1.0)
+    agent.random, obs = 0.25, torch.randn(RUNS, FEATURES)
+    agent._arm[:], agent._lost[:] = SOURCES, torch.tensor([True, False])
+    still = torch.zeros(RUNS, dtype=torch.bool)
+    own = agent.learned.act(obs, still)
+    strayed = torch.stack([agent.act(obs, still) != own for _ in range(400)]).float().mean(0)
+    assert strayed[0] == pytest.approx(0.125, abs=0.05)  # half of random actions are its own
+    assert strayed[1] < 0.02  # where draws of its weights differ
+
+
 def test_a_source_that_has_learned_nothing_hides_no_broken_promise():
     alike = sources()[:, :1] * torch.tensor([1.0, 1.01, 0.99, 0.0]).view(1, 4, 1)
     agent, _ = run(FIRST + 10 * LENGTH, reward=-1.0, weights=alike)

@@ -124,6 +124,15 @@ class Record:
         return len(self.returns(self.count)) >= LEAST and self._lead(best) < -margin
 
     @property
+    def lost(self) -> bool:
+        """Whether what was learned has earned no more lately than the least that was ever earned.
+
+        Before it has played: whether all returns are alike.
+        """
+        own = self._recent() or self.gained
+        return bool(own) and max(own) <= min(self.gained)
+
+    @property
     def tried(self) -> list[int]:
         """The sources that have played an episode to its end."""
         ended = self.played[: len(self.gained)]

@@ -1,8 +1,9 @@
 """Play the sources while they keep their promise, and learn from all that is seen meanwhile.
 
 ``vtlib.promises`` says which source plays an episode, and when what was learned plays instead. What
-is learned is a mixture of Gaussians whose covariances stay the prior's, so that each of its updates
-costs as much as fine-tuning a few networks.
+is learned is a Gaussian, or a mixture, whose covariance stays the prior's, so that each of its
+updates costs as much as one of fine-tuning. Its draws hardly differ, so they explore little: while
+it earns nothing, some of its actions are random.
 """
 
 from __future__ import annotations
@@ -23,12 +24,13 @@ from vtlib.rng import Rng
 from vtlib.transfer import Settings
 from vtlib.units import FIRST, InUnits
 
-STEP = 4e-3  # Adam's, in units of the sources
+STEP = 2e-3  # Adam's, in units of the sources
 NARROW = 0.003  # standard deviation of the prior's components, in these units
-WORTH = 0.5  # how many transitions the prior counts for
+WORTH = 0.05  # how many transitions the prior counts for
 QUARTILES = torch.tensor([0.25, 0.5, 0.75], dtype=torch.float32)
 NORMAL = 1.349  # deviations between the quartiles of a normal law
 PARTS = "played", "trust", "gained", "short"  # of a record
+RANDOM = 0.1  # share of random actions while what was learned is lost
 CLIP = 1.0  # bound on a gradient's entries, which only a run that explodes reaches
 DIVERGED = 10.0  # how many times as large as most sources' the weights of a sound one may be
 
@@ -43,7 +45,7 @@ class Trust:
 
     transfers: ClassVar[bool] = True
 
-    components: int = field(default=3, validator=whole())
+    components: int = field(default=1, validator=whole())
     updates: int = field(default=8, validator=whole())
     gamma: float = field(default=0.99, validator=between(0, 1, below=True))
 
@@ -83,7 +85,8 @@ def sound(sources: Tensor) -> Tensor:
 class Trusting:
     """An agent of R runs that plays sources (R, S, d), or what it learns from all steps.
 
-    ``records`` tell what each run has seen, and so why it acts as it does.
+    ``records`` tell what each run has seen, and so why it acts as it does. ``random`` is the share
+    of random actions while what was learned is lost.
     """
 
     def __init__(
@@ -91,9 +94,11 @@ class Trusting:
     ) -> None:
         self.learned = InUnits(q, sources, obs_dim, settings.in_units, settings.updates, rng)
         runs, count, _ = sources.shape
+        self.random = RANDOM
         self._q, self._sources, self._gamma = q, sources.detach().cpu(), settings.gamma
         self.records = [Record(count) for _ in range(runs)]
         self._coin, self._normal = rng.stream("hypothesis"), rng.stream("source")
+        self._random, self._lost = rng.stream("random action"), torch.zeros(runs, dtype=torch.bool)
         self._rows, self._arm = torch.arange(runs), torch.full((runs,), -1)
         self._steps = 0
         self._gained, self._discount = torch.zeros(runs), torch.ones(runs)
@@ -129,11 +134,14 @@ class Trusting:
         best = values.amax(-1)
         # drawn at every step: a run's stream must not depend on when its neighbours' episodes end
         coin, normal = self._coin.uniform(1), self._normal.normal(values.shape[1])
+        chance, which = self._random.uniform(2).T
         for row in fresh.nonzero().flatten().tolist():
             self._begin(row, best[row], float(coin[row]), normal[row].numpy())
         arm = self._arm.clamp(max=values.shape[1] - 1)
         shown = values[self._rows, arm].argmax(-1)
-        return torch.where(self._arm == values.shape[1], self.learned.act(obs, fresh), shown)
+        anything = (which * values.shape[-1]).long()
+        own = torch.where(self._lost & (chance < self.random), anything, self.learned.act(obs, fresh))
+        return torch.where(self._arm == values.shape[1], own, shown)
 
     def learn(self, transition: Transition) -> None:
         """Add up returns, and let the posterior take in one transition of each run."""
@@ -177,4 +185,5 @@ class Trusting:
         low, self._promise[row], high = values.quantile(QUARTILES)
         self._spread[row] = (high - low) / NORMAL
         self._arm[row] = record.choose(self._steps >= FIRST, coin, normal)
+        self._lost[row] = record.lost
         self._gained[row], self._discount[row] = 0.0, 1.0

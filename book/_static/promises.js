@@ -74,6 +74,12 @@ class Record {
     return this.returns(this.count).slice(-RECENT);
   }
 
+  /* Whether what was learned has earned no more lately than the least that was ever earned. */
+  lost() {
+    const recent = this.recent(), own = recent.length ? recent : this.gained;
+    return own.length > 0 && Math.max(...own) <= Math.min(...this.gained);
+  }
+
   lead(returns) {
     const own = this.recent(), scale = this.gained.length ? spreadOf(this.gained) : 0;
     return returns.length && own.length && scale ? (averageOf(returns) - averageOf(own)) / scale : 0;

@@ -8,11 +8,11 @@ const LIVE = { transfer: "this run", fine: "fine-tuning", none: "no transfer" };
 
 const lambdaOf = (power) => (power > ZERO ? Number((10 ** power).toPrecision(6)) : 0);
 
-/* What the kernel is asked for, by what the controls hold; a Gaussian has one component, the recommended method three. */
+/* What the kernel is asked for, by what the controls hold; only a mixture has several components. */
 function chosen({ family, power, psi, components, sources, seed, pool, task, fine, none }) {
   return {
     family, task, fine, none, lambda: lambdaOf(Number(power)), psi: Number(psi), sources: Number(sources), pool: Number(pool),
-    components: { GVT: 1, Trust: 3 }[family] ?? Number(components),
+    components: family === "MGVT" ? Number(components) : 1,
     seed: Math.min(SEEDS - 1, Math.max(0, Math.round(seed) || 0)),
   };
 }

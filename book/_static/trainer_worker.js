@@ -3,7 +3,7 @@
 "use strict";
 
 const PLACES = ["settings", "means", "sources", "precision", "factors", "reached", "observation", "driver", "stage", "wheel"];
-const BEGUN = 64, NORMAL = 1.349; // steps that are only remembered, and deviations between a normal law's quartiles
+const BEGUN = 64, NORMAL = 1.349, RANDOM = 0.1; // as in vtlib/trust.py
 
 /* Pool of sources (count x weights) from integers, each source with its own scale. */
 function decodePool(integers, scales) {
@@ -165,7 +165,9 @@ class Run {
   }
 
   advance() {
-    const ended = this.kernel.iterate_run(Boolean(this.driven));
+    const astray = this.record && !this.driven && this.record.lost() && this.uniform() < RANDOM;
+    if (astray) this.drive(normals(this.weights, this.uniform));  // whose favourite action is any
+    const ended = this.kernel.iterate_run(Boolean(this.driven || astray));
     this.steps++;
     this.path.push(Array.from(this.floats("reached", this.states)));
     if (ended === this.arrives) this.arrival ||= this.steps;

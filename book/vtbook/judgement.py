@@ -7,7 +7,7 @@ from attrs import frozen
 
 from vtbook.comparisons import holm, paired_p
 from vtbook.experiments.compared import mean_shares
-from vtbook.experiments.trust import LOSS, OURS, PARTED, PLACES, Place
+from vtbook.experiments.trust import LOSS, OURS, PLACES, Place
 from vtbook.experiments.trust_search import SEARCH
 from vtlab.stats import Interval, difference_interval
 
@@ -65,16 +65,6 @@ def shortfalls() -> dict[str, float]:
         for label, mean in here.items():
             behind.setdefault(label, []).append(float(max(here.values()) - mean))
     return {x: max(each) for x, each in behind.items() if len(each) >= len(PLACES) - 1}
-
-
-def parted(title: str) -> dict[str, Interval]:
-    """By how much the method leads itself with less of an ingredient, in a place by its title."""
-    (place,) = [x for x in PLACES if x.title == title]
-    fewer = PARTED[title]
-    return {
-        label: difference_interval(earned(place)[OURS], mean_shares(fewer, label, place.first))
-        for label in fewer.algorithms
-    }
 
 
 def searched(title: str) -> dict[str, Interval]:

@@ -5,8 +5,8 @@ import pytest
 
 from vtbook import judgement
 from vtbook.experiments.compared import ENVIRONMENTS, FOUR
-from vtbook.experiments.trust import LOSS, OURS, PARTED, PICKED, PLACES, picked
-from vtbook.judgement import Contrast, parted
+from vtbook.experiments.trust import LOSS, OURS, PICKED, PLACES, picked
+from vtbook.judgement import Contrast, contrasts
 from vtlab.stats import Interval
 from vtlab.store import results_folder
 
@@ -47,11 +47,11 @@ def assert_paired(found, one, other):
     np.testing.assert_allclose(found, [gain.mean(), gain.mean() - half, gain.mean() + half], 1e-3)
 
 
-def test_an_ingredient_is_worth_what_the_files_say():
-    place = PLACES[0]
-    whole = mean_shares_of(place.experiment, OURS, place.first)
-    for label, found in parted(place.title).items():
-        assert_paired(found, whole, mean_shares_of(PARTED[place.title], label, place.first))
+def test_a_contrast_is_what_the_files_say():
+    place, rival = PLACES[0], "NT"
+    one, other = (mean_shares_of(place.experiment, x, place.first) for x in (OURS, rival))
+    (found,) = [x for x in contrasts() if (x.place, x.rival) == (place.title, rival)]
+    assert_paired(found.gain, one, other)
 
 
 def test_the_farthest_shortfall_is_behind_the_best_of_a_place(monkeypatch):

@@ -13,10 +13,11 @@ from vtlib.checks import between, whole
 from vtlib.qfunctions import QFunction
 from vtlib.rng import Rng
 from vtlib.transfer import Settings
-from vtlib.trust import CLIP, NARROW, WORTH
+from vtlib.trust import CLIP, NARROW
 from vtlib.units import FIRST, InUnits
 
 SAMPLES = 5  # from each component
+WORTH = 0.5  # how many transitions the prior counts for
 SHARE = 0.25  # the step on L as a share of the largest safe one; the components share it
 
 

@@ -1,22 +1,33 @@
-"""Trust with another posterior that learns, to ask what each of its settings is worth."""
+"""Trust with one of its settings changed, to ask what it is worth."""
 
 from __future__ import annotations
 
 from attrs import field, frozen
+from torch import Tensor
 
-from vtlib.checks import kind
+from vtlib.checks import between, kind
+from vtlib.qfunctions import QFunction
+from vtlib.rng import Rng
 from vtlib.transfer import Settings
-from vtlib.trust import Trust
+from vtlib.trust import RANDOM, Trust, Trusting
 
 
 @frozen
 class VariedTrust(Trust):
     """Parameters of ``Trust`` whose posterior learns with ``learner``, in units of the sources.
 
-    Raises ValueError for a learner that is none.
+    random: the share of random actions while what was learned is lost. Raises ValueError for a
+    value outside its range.
     """
 
     learner: Settings = field(kw_only=True, validator=kind(Settings))
+    random: float = field(default=RANDOM, kw_only=True, validator=between(0, 1))
+
+    def agent(self, q: QFunction, sources: Tensor, obs_dim: int, rng: Rng) -> Trusting:
+        """An agent that transfers from sources (R, S, d)."""
+        agent = super().agent(q, sources, obs_dim, rng)
+        agent.random = self.random
+        return agent
 
     @property
     def in_units(self) -> Settings:
