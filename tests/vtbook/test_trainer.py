@@ -115,7 +115,7 @@ def test_the_recommended_method_earns_and_learns_in_the_page_as_by_the_engine(pl
     drawn, pool = targets(experiment, rows), weights(experiment.pool)
     each = [experiment.family.kernel_parameters(drawn, row) for row in rows]
     sources = load(experiment, "tasks").sources.values[:RUNS]
-    told = {"family": "Trust", "components": 3}
+    told = {"family": "Trust", "components": 1}
     runs = [{**told, "task": each[i], "indices": sources[i].tolist(), "seed": i} for i in rows]
     html = trainer.train_here(experiment, TASKS[experiment.family.kernel])
     earned, mu, _ = zip(*json.loads(node(html, "runs.js", json.dumps([runs, end]))), strict=True)
@@ -133,16 +133,18 @@ def test_the_page_chooses_who_plays_as_the_library_does(node):
     rng, told, chosen = np.random.default_rng(0), [], []
     for count in (1, 3, 10):
         for keep in (0.0, 0.5, 1.0):
-            record, episodes = Record(count), []
+            record, episodes, lost = Record(count), [], []
             for episode in range(70):
                 coin, normal = rng.uniform(), rng.standard_normal(count)
                 record.choose(episode > 2, coin, normal)
+                lost.append(record.lost)
                 kept = rng.uniform() < keep
-                earned = (float(rng.normal(0.8 if kept else 0.1, 0.1)), 0.8, 0.2)
+                earned = (float(rng.normal(0.8, 0.1)) if kept else 0.0, 0.8, 0.2)
                 record.add(*earned)
                 episodes.append([episode > 2, coin, normal.tolist(), earned])
             told.append([count, episodes])
-            chosen.append(record.played)
+            chosen.append([record.played, lost])
+    assert {x for _, lost in chosen for x in lost} == {False, True}
     html = trainer.train_here(EVALUATION, (2.0, 8.0))
     assert json.loads(node(html, "choices.js", json.dumps(told))) == chosen
 
