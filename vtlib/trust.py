@@ -140,7 +140,9 @@ class Trusting:
         arm = self._arm.clamp(max=values.shape[1] - 1)
         shown = values[self._rows, arm].argmax(-1)
         anything = (which * values.shape[-1]).long()
-        own = torch.where(self._lost & (chance < self.random), anything, self.learned.act(obs, fresh))
+        own = torch.where(
+            self._lost & (chance < self.random), anything, self.learned.act(obs, fresh)
+        )
         return torch.where(self._arm == values.shape[1], own, shown)
 
     def learn(self, transition: Transition) -> None:

@@ -5,6 +5,7 @@ It is the third version. The second, which learned with three components, a step
 prior ten times as strong, and never acted at random, was judged on these same tasks, and lost in
 rooms to mixtures with eight updates. The third was chosen on the tuning tasks alone, and fixed
 before its runs here were looked at.
+
 Each rival has the setting that `compared` chose for it, in a place that is new the one of the place
 it resembles, in the maze the page's. Rivals with four updates are judged where `compared` found
 them ahead of the same with one: in both kinds of rooms all three, on cartpole fine-tuning, on
@@ -12,8 +13,8 @@ mountain car fine-tuning and 1-MGVT. In rooms mixtures are judged with eight as 
 Trust takes, and with the settings chosen for four.
 
 The best source, fine-tuned, has had one episode of each source. (As many as `compared` chose for
-untouched sources would leave most of the 5,000 steps to trials.) Its learner is the fine-tuning that earned most in `compared`, with
-one update or with four, and in the maze the page's.
+untouched sources would leave most of the 5,000 steps to trials.) Its learner is the fine-tuning
+that earned most in `compared`, with one update or with four, and in the maze the page's.
 
 A run earns the mean of its learning returns over all records, as a share of the optimum, on
 mountain car from iteration 200, where each run has ended an episode. The method loses to a rival
