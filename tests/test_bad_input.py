@@ -41,7 +41,7 @@ BY_KIND = [
     ("kappa", [*POSITIVE, 9e-4]),
     ("clip kl_clip", POSITIVE[1:]),
     ("lambda_ bias scale", NEGATIVE),
-    ("psi epsilon_start epsilon_end", SHARE),
+    ("psi epsilon_start epsilon_end random", SHARE),
     ("gamma beta1 beta2", [*SHARE, 1]),
     ("family init act covariance kl prior start responsibilities", WORD),
     ("patience", [*COUNT[:-5], -1, 0.0]),
