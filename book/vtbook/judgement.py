@@ -69,8 +69,8 @@ def shortfalls() -> dict[str, float]:
 
 def searched(title: str) -> dict[str, Interval]:
     """What each change of the learning part gains in a place for tuning, by the change."""
-    runs, first = SEARCH[title], {place.title: place.first for place in PLACES}.get(title, 0)
-    shares = {x: mean_shares(runs, x, first) for x in runs.algorithms}
+    runs = SEARCH[title]
+    shares = {x: mean_shares(runs, x) for x in runs.algorithms}
     return {
         label: difference_interval(values, shares[OURS])
         for label, values in shares.items()
