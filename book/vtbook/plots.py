@@ -24,7 +24,6 @@ from matplotlib.typing import LineStyleType
 from PIL import Image
 from xarray import Dataset
 
-from vtbook.costs import steps_to_solve
 from vtbook.narrow_figures import narrow, panels_of
 from vtbook.published import PublishedCurve
 from vtlab.stats import mean_interval
@@ -246,48 +245,34 @@ def returns_figure(
 
 
 def draw_over_published(
-    ax: Axes, stored: Dataset, theirs: PublishedCurve, kind: str, label: str, floor: float = 0.0
+    ax: Axes, stored: Dataset, theirs: PublishedCurve, kind: str, label: str
 ) -> None:
     """One algorithm's mean and band over the published in grey, and every run while learning."""
     at, values = stored.iteration.values, stored[kind].values
     if kind == "learning":  # single greedy returns are of ten episodes: noise would hide the curves
         ax.plot(at, values.T, color=COLOURS[label], lw=0.4, alpha=0.3)
-        solved = int(np.isfinite(steps_to_solve(stored, floor)).sum())
-        ax.set_title(f"{solved} of {len(values)} solved", loc="right", size=8)
-        _mark_arrival(ax, at, values, floor, COLOURS[label])
     ax.fill_between(theirs.iterations, theirs.low, theirs.high, color=PUBLISHED, alpha=0.4, lw=0)
     ax.plot(theirs.iterations, theirs.mean, **PRINTED)
     draw_curves(ax, [Curve(label, at, values, COLOURS[label])], float(stored.optimum.mean()))
-
-
-def _mark_arrival(ax: Axes, at: np.ndarray, values: np.ndarray, floor: float, colour: str) -> None:
-    """A triangle where half of the runs have first earned more than the floor, if that is seen."""
-    rewarded = values > floor + 1e-3
-    first = np.where(rewarded.any(1), rewarded.argmax(1), len(at))
-    half = int(np.sort(first)[(len(first) - 1) // 2])
-    if 0 < half < len(at):
-        ax.plot(at[half], 0.03, "^", color=colour, transform=ax.get_xaxis_transform(), zorder=5)
 
 
 def over_published(
     runs: Mapping[str, Dataset],
     printed: Mapping[str, Mapping[str, PublishedCurve]],
     limits: tuple[float, float],
-    floor: float = 0.0,
+    kinds: Mapping[str, str] = KINDS,
 ) -> Figure:
     """Each algorithm's mean and band over the published ones in grey, and every run while learning.
 
-    printed: {kind: {algorithm: curve}}, kinds "learning" and "greedy"; a row of panels for each.
-    Beside the runs stands how many have ever earned nine tenths of their optimum above the floor,
-    and below them when half of them had first earned more than the floor.
+    printed: {kind: {algorithm: curve}}; there is a row of panels for each of the kinds.
     """
     labels = [x for x in runs if x in printed["learning"]]
     with look():
-        figure = BookFigure(figsize=(7.6, 4.4))
-        axes = figure.subplots(2, len(labels), sharex=True, sharey=True, squeeze=False)
-        for row, (name, kind) in zip(axes, KINDS.items(), strict=True):
+        figure = BookFigure(figsize=(7.6, 0.6 + 1.9 * len(kinds)))
+        axes = figure.subplots(len(kinds), len(labels), sharex=True, sharey=True, squeeze=False)
+        for row, (name, kind) in zip(axes, kinds.items(), strict=True):
             for ax, label in zip(row, labels, strict=True):
-                draw_over_published(ax, runs[label], printed[kind][label], kind, label, floor)
+                draw_over_published(ax, runs[label], printed[kind][label], kind, label)
                 ax.set_xlabel("")
             row[0].set_ylabel(name)
             row[0].set_ylim(*limits)
