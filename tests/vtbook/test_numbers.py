@@ -90,7 +90,7 @@ def held(label, level):
 # page, words around the number, and what computes it from what
 NUMBERS = [
     ("index", f"After 5,000 steps it earns {SHARE}", mean_at, ROOMS + "-controls", "1-MGVT", 5_000),
-    ("index", f"with them minus without, it earns {RANGE}", over_mazes, "1-MGVT", "NT"),
+    ("index", f"change what it earns by {RANGE}", over_mazes, "1-MGVT", "NT"),
     ("index", f"comes {SHARE}", mean_until, CAR + "-untouched", "untouched", END),
     (ROOMS, f"2,000 steps it earns {SHARE}", mean_at, ROOMS + "-controls", "1-MGVT", 2_000),
     (ROOMS, f"By then fine-tuning earns {SHARE}", mean_at, ROOMS + "-controls", MEAN, 2_000),
