@@ -9,7 +9,6 @@ import torch
 from gymnasium.spaces import Box, Discrete
 from torch import Tensor
 
-from vtlib.checks import check_kind, shown
 from vtlib.replay import Transition
 
 
@@ -99,13 +98,6 @@ class GymEpisodes:
         if numbers.shape != (self.obs_dim,) or not np.isfinite(numbers).all():
             raise ValueError(f"needs {self.obs_dim} finite numbers to see, {env} gave {obs}")
         return numbers
-
-
-def check_environment(env: object) -> None:
-    """Raise ValueError unless env is an environment of its own."""
-    if isinstance(env, gymnasium.vector.VectorEnv):
-        raise ValueError(f"envs must be single environments, got {shown(env)}: pass its .envs")
-    check_kind("each of envs", env, gymnasium.Env)
 
 
 def _sizes(env: gymnasium.Env) -> tuple[int, int]:

@@ -115,13 +115,8 @@ class Trusting:
     def mu(self) -> Tensor:
         """Weights (R, C, d) of what leads at present: the posterior's means, or a source."""
         mu = self.learned.mu.cpu()
-        source = self.best_source.expand_as(mu)
-        return torch.where(self.source_leads.view(-1, 1, 1), source, mu)
-
-    @property
-    def source_leads(self) -> Tensor:
-        """Whether the best source plays at present (R,), or what was learned."""
-        return torch.tensor([record.source_leads for record in self.records])
+        leads = torch.tensor([record.source_leads for record in self.records])
+        return torch.where(leads.view(-1, 1, 1), self.best_source.expand_as(mu), mu)
 
     @property
     def improved(self) -> Tensor:
