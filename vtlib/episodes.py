@@ -73,11 +73,7 @@ class GymEpisodes:
         """Apply actions (R,) and return the transitions; runs whose episode ended start anew."""
         after, current, reward, ended, over = [], [], [], [], []
         for env, a in zip(self._envs, action.tolist(), strict=True):
-            outcome = env.step(a + int(env.action_space.start))
-            if len(outcome) != 5:
-                rule = "step must return obs, reward, terminated, truncated, info"
-                raise ValueError(f"{rule} (Gymnasium's five), got {len(outcome)} from {env}")
-            obs, r, terminated, truncated, _ = outcome
+            obs, r, terminated, truncated, _ = env.step(a + int(env.action_space.start))
             after.append(self._observation(env, obs))
             reward.append(float(r))
             if not np.isfinite(reward[-1]):

@@ -48,8 +48,8 @@ def solve(
     callback is told the iteration, the mean returns (R,) and the weights (R, C, d) every 100
     iterations, and ends the learning by returning False; progress shows a bar of the iterations.
     Ctrl-C ends it, too, and what was learned is returned. Raises ValueError for spaces other than
-    Box and Discrete, a Q-function of other sizes or that draws random numbers, or an environment
-    that is given twice; Diverged when weights cease to be finite.
+    Box and Discrete, a Q-function of other sizes, or an environment that is given twice; Diverged
+    when weights cease to be finite.
     """
     check_run(iterations, callback, trials)
     check_kind("settings", settings, MellowTDSettings | DDQNSettings | None)

@@ -20,8 +20,7 @@ class Stream:
     """Random numbers of one role for a batch of runs, one independent generator per run.
 
     A stream always yields the same kind and count ``n`` of numbers per draw, so its values depend
-    neither on how many are drawn ahead nor on the runs beside it in the batch. Raises ValueError
-    when asked for another kind or count. Its length is the number of its runs.
+    neither on how many are drawn ahead nor on the runs beside it. Raises ValueError for another.
     """
 
     def __init__(self, experiment: str, runs: Sequence[int], role: str) -> None:
@@ -29,9 +28,6 @@ class Stream:
         self._kind: tuple[str, int] | None = None
         self._block = torch.empty(0, 0)
         self._next = 0
-
-    def __len__(self) -> int:
-        return len(self._generators)
 
     def normal(self, n: int) -> Tensor:
         """Standard normal numbers, float32 of shape (R, n)."""

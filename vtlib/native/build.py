@@ -26,18 +26,15 @@ SYSTEMS = {"Linux": ("linux-gnu", "so"), "Darwin": ("macos", "dylib")}
 def library(source: Path, level: str) -> Path:
     """Where a source's library for processors of a level is, or will be.
 
-    Its name has a digest of what it is made of, so that a library of older sources is never loaded.
+    Its name has a digest of the C++ beside the source, and this folder's, and the flags, so that a
+    library of older sources is never loaded.
     """
     _, suffix = SYSTEMS.get(platform.system(), ("", ""))
-    return source.parent / "lib" / f"{source.stem}-{level}-{digest(source)}.{suffix}"
-
-
-def digest(source: Path) -> str:
-    """Twelve hexadecimal digits for the C++ beside a source, and this folder's, and the flags."""
     beside = {path for folder in (HERE, source.parent) for path in folder.iterdir()}
     files = sorted(path for path in beside if path.suffix in (".cpp", ".h"))
     content = b"".join(path.name.encode() + path.read_bytes() for path in files)
-    return hashlib.sha256(repr((FLAGS, WIDE)).encode() + content).hexdigest()[:12]
+    digest = hashlib.sha256(repr((FLAGS, WIDE)).encode() + content).hexdigest()[:12]
+    return source.parent / "lib" / f"{source.stem}-{level}-{digest}.{suffix}"
 
 
 def compile_library(source: Path) -> list[Path]:
