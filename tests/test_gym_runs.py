@@ -281,5 +281,5 @@ def test_learning_goes_on_from_what_was_learned(settings, tmp_path):
     assert more.iterations.tolist() == [100, 220]
     assert more.steps.tolist() == [220]
     assert (more.weights - learned.weights).abs().max() < 0.5
-    with pytest.raises(ValueError, match="envs must be one for each of 1 runs, got 2"):
+    with pytest.raises(ValueError, match="weights for each of 2 runs, got 1"):
         resume(learned, [Corridor(), Corridor()], 10)

@@ -56,7 +56,7 @@ class GymEpisodes:
         self, envs: Sequence[gymnasium.Env], seeds: Sequence[int], gamma: float = 0.99
     ) -> None:
         if not envs:
-            raise ValueError("there must be at least one environment")
+            raise ValueError("envs must be at least one, got none")
         sizes = {_sizes(env) for env in envs}
         if len(sizes) != 1:
             raise ValueError(f"environments must have the same spaces, got {sorted(sizes)}")

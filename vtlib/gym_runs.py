@@ -174,13 +174,10 @@ def resume(
     q, settings, gamma = learned.q, learned.settings, learned.gamma
     name = f"{stream_name('resume', learned.seed)} after {int(learned.steps.max())}"
     episodes, rng = episodes_of(envs, q, name, gamma), Rng(name, range(len(envs)))  # type: ignore[arg-type]
-    weights = learned.weights
-    if len(envs) != len(weights):
-        raise ValueError(f"envs must be one for each of {len(weights)} runs, got {len(envs)}")
+    about = {"q": q, "settings": settings, "seed": learned.seed}
+    sources = learned.weights if learned.state is None else learned.state["sources"]
     if isinstance(settings, MellowTDSettings | DDQNSettings):
-        settings, weights = evolve(settings, epsilon_start=settings.epsilon_end), weights[:, 0]
-    about = {x: getattr(learned, x) for x in ("q", "settings", "seed")}
-    sources = weights if learned.state is None else learned.state["sources"]
+        settings, sources = evolve(settings, epsilon_start=settings.epsilon_end), sources[:, 0]
     agent = settings.agent(q, sources, episodes.obs_dim, rng)
     if learned.state is not None:
         agent.restore(learned.state)

@@ -1,8 +1,7 @@
 """Q-functions over a flat weight vector: multilayer perceptrons, and any torch module.
 
 Weights are (R, K, d): K weight vectors for each of R runs. Observations are (R, B, obs_dim) and
-shared by the K vectors. Values come as (R, K, A, B), actions before states, so that reductions over
-actions run along contiguous memory.
+shared by the K vectors. Values come as (R, K, A, B), actions before states.
 """
 
 from collections.abc import Callable, Sequence

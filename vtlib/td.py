@@ -118,8 +118,7 @@ def _td_gradients(
 def exp_of_differences(x: Tensor) -> Tensor:
     """exp(x) of differences x <= 0 from the largest term of a sum; x is overwritten.
 
-    Zero where the sum, which is at least one, would round it away. Left in, such numbers and their
-    products become denormal, and on those a processor is up to a hundred times slower.
+    Zero where the sum, which is at least one, would round it away: denormal numbers are slow.
     """
     rounding = torch.finfo(x.dtype).eps
     x = x.clamp_(min=math.log(rounding) - 1).exp_()

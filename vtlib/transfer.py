@@ -14,7 +14,7 @@ from attrs import field, frozen
 from attrs.validators import optional
 from torch import Tensor
 
-from vtlib.checks import HUGE, TINY, between, check_kind, check_weights, one_of, positive, whole
+from vtlib.checks import HUGE, TINY, between, check_weights, one_of, positive, whole
 from vtlib.posteriors import COVARIANCES, Descent, Diagonal
 from vtlib.priors import PRIOR_JITTER, GaussianPrior, MixturePrior
 from vtlib.qfunctions import QFunction, greedy
@@ -113,7 +113,6 @@ class VariationalTransfer:
     def __init__(
         self, q: QFunction, sources: Tensor, obs_dim: int, settings: Settings, rng: Rng
     ) -> None:
-        check_kind("settings", settings, Settings)
         check_weights("sources", sources, "run", "source", q.d, tensor=True)
         rng.check_rows(len(sources))
         s, sources = settings, sources.detach()

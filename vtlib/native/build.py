@@ -51,16 +51,12 @@ def compile_library(source: Path) -> list[Path]:
             if not path.exists():
                 compile_source(source, path, target, level, flags)
     except (KeyError, OSError, subprocess.SubprocessError) as error:
-        raise RuntimeError(f"the kernels cannot be compiled here: {last_error(error)}") from error
+        lines = str(getattr(error, "stderr", None) or error).strip().splitlines()
+        last = ([line for line in lines if "error:" in line] or lines or [repr(error)])[-1]
+        raise RuntimeError(f"the kernels cannot be compiled here: {last}") from error
     for path in set(made[0].parent.glob(f"{source.stem}-*")).difference(made):
         path.unlink(missing_ok=True)  # of older sources
     return made
-
-
-def last_error(error: Exception) -> str:
-    """The last error that a compiler has named, or else what went wrong in starting it."""
-    lines = str(getattr(error, "stderr", None) or error).strip().splitlines()
-    return ([line for line in lines if "error:" in line] or lines or [repr(error)])[-1]
 
 
 def compile_source(

@@ -24,9 +24,7 @@ class Posterior(ABC):
     """C Gaussians for each of R runs, which sample w = mu + L z (eq. 5.10).
 
     mu (R, C, d) are their means, which the engine moves; L are M = R C lower-triangular factors.
-    The gradient of the expected squared TD error with respect to L is the mean of g z^T over
-    samples (eq. 5.11), with g the gradient at a sample. It begins at a start, pulled by the prior's
-    precision; n_samples are drawn at a time.
+    It begins at a start, pulled by the prior's precision; n_samples are drawn at a time.
     """
 
     def __init__(
