@@ -53,8 +53,10 @@ class Stream:
             ahead = max(1, min(256, BLOCK // max(1, n * len(self._generators))))
             block = np.empty((len(self._generators), ahead, n), np.float32)
             for rng, numbers in zip(self._generators, block, strict=True):
-                fill = rng.standard_normal if kind == "normal" else rng.random
-                fill(dtype=np.float32, out=numbers)
+                if kind == "normal":
+                    rng.standard_normal(dtype=np.float32, out=numbers)
+                else:
+                    rng.random(dtype=np.float32, out=numbers)
             self._block, self._next = torch.from_numpy(block), 0
         self._next += 1
         return self._block[:, self._next - 1]
