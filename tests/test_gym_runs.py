@@ -192,6 +192,7 @@ def test_a_file_that_is_not_whole_is_named(tmp_path):
         (partial(evaluate, ENV, Q, BOTH[:1, None]), "envs must be of type Sequence"),
         (partial(solve, [NAN], Q, 10), "rewards must be finite, .* gave nan"),
         (partial(evaluate, [BLIND], Q, BOTH[:1, None]), "needs 4 finite numbers to see, .* gave"),
+        (partial(transfer, [ENV], Q, SOURCES, 10, device="cuda:99"), r"device .*got 'cuda:99'"),
         (partial(transfer, [ENV], Q, SOURCES, 10, trials=1), "trials must be 0 or at least 2"),
         (partial(transfer, [ENV], Q, SOURCES, 9, TRANSFER, trials=2), "trials must be 0 where"),
         (partial(solve, [ENV, gym.Wrapper(ENV)], Q, 10), "got one that is given twice"),

@@ -13,7 +13,7 @@ from torch import Tensor
 from tqdm import tqdm
 
 from vtlib.baselines import DDQNSettings, FineTuning, MellowTDSettings
-from vtlib.checks import check_kind, check_weights, check_whole
+from vtlib.checks import check_kind, check_weights, check_whole, shown
 from vtlib.episodes import GymEpisodes
 from vtlib.learned import Learned
 from vtlib.playing import clear, episodes_of, greedy_episodes, stream_name
@@ -91,6 +91,7 @@ def transfer(
     seed: int = 0,
     callback: Callback | None = None,
     progress: bool = False,
+    device: str = "cpu",
 ) -> Learned:
     """Learn each environment with what sources (S, d) know, ``weights[:, 0]`` of ``solve``.
 
@@ -99,8 +100,9 @@ def transfer(
     source and what was learned play as many greedy episodes more, which ``steps`` counts, and what
     was learned is kept where it earns more, and by at least the standard error of the difference. A
     source whose weights are over ten times as large as most is left out, with a warning. Other
-    settings run alone. Ctrl-C ends the learning and returns what was learned. Raises as ``solve``,
-    and ValueError for missing, bad or misshapen sources, or one trial.
+    settings run alone. Ctrl-C ends the learning and returns what was learned. device: where
+    posteriors are kept. Raises as ``solve``, and ValueError for missing, bad or misshapen sources,
+    one trial, or a device that torch lacks.
     """
     settings = Trust() if settings is None else settings
     check_run(iterations, callback, trials)
@@ -111,18 +113,21 @@ def transfer(
     name = stream_name("transfer", seed)
     episodes, rng = episodes_of(envs, q, name, gamma), Rng(name, range(len(envs)))
     check_sources(q, sources)
+    check_device(device)
     if isinstance(settings, Trust) and not bool((good := sound(sources)).all()):
         bad = ", ".join(map(str, (~good).nonzero().flatten().tolist()))
         fault = f"left out are sources [{bad}], whose weights are over ten times as large as most"
         warnings.warn(f"{fault}, as where learning has diverged", stacklevel=3)
         sources = sources[good]
-    shared = sources.detach().expand(len(envs), *sources.shape)
+    # only posteriors are kept elsewhere than on the processor
+    place = "cpu" if isinstance(settings, FineTuning) else device
+    shared = sources.detach().expand(len(envs), *sources.shape).to(place)
     agent: Any = settings.agent(q, shared, episodes.obs_dim, rng)
     about = {"q": q, "settings": settings, "seed": seed}
     learned = _learn(agent, episodes, iterations, name, callback, progress, **about)
     if not trials or learned.interrupted:
         return learned
-    mu, source = agent.learned.mu, agent.best_source
+    mu, source = agent.learned.mu.cpu(), agent.best_source
     trial = partial(episodes_of, envs, q, f"{name} trial", gamma)
     try:
         ours, theirs = (greedy_episodes(trial(), q, w, trials, gamma) for w in (mu, source))
@@ -151,6 +156,15 @@ def check_sources(q: QFunction, sources: Any) -> None:
         got = tuple(sources.shape)
         raise ValueError(f"sources must have shape (sources, {q.d}), got {got}: pass [:, 0] of it")
     check_weights("sources", sources, "source", q.d, tensor=True)
+
+
+def check_device(device: object) -> None:
+    """Raise ValueError unless device names one that torch has here."""
+    check_kind("device", device, str)
+    try:
+        torch.empty(0, device=device)  # type: ignore[call-overload]
+    except (RuntimeError, AssertionError) as error:
+        raise ValueError(f"device must be one that torch has here, got {shown(device)}") from error
 
 
 @arithmetic()
