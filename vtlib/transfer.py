@@ -1,20 +1,20 @@
 """Variational transfer (Algorithm 1), for many runs in lock-step.
 
-A posterior over Q-function weights is acted upon by Thompson sampling. It is a mixture of C equally
-weighted Gaussians: a single Gaussian with a Gaussian prior is GVT (section 5.2.1), a mixture with
-one prior component per source is c-MGVT (section 5.2.2). ``vtlib.algorithm1`` is the same method
-line by line, for one run.
+A single Gaussian with a Gaussian prior is GVT (section 5.2.1), a mixture of C equally weighted
+Gaussians with one prior component per source is c-MGVT (section 5.2.2). ``vtlib.algorithm1`` is the
+same method line by line, for one run.
 """
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import torch
 from attrs import field, frozen
+from attrs.validators import optional
 from torch import Tensor
 
-from vtlib.checks import HUGE, TINY, between, check_kind, check_weights, one_of, positive, whole
+from vtlib.checks import HUGE, TINY, between, check_weights, one_of, positive, whole
 from vtlib.posteriors import COVARIANCES, Descent, Diagonal
 from vtlib.priors import PRIOR_JITTER, GaussianPrior, MixturePrior
 from vtlib.qfunctions import QFunction, greedy
@@ -25,10 +25,7 @@ from vtlib.td import LEAST_KAPPA, td_gradients
 
 @frozen
 class Settings:
-    """Parameters of variational transfer, named as in the thesis (appendix A).
-
-    Raises ValueError for a value outside its range.
-    """
+    """Parameters of variational transfer, as in appendix A; ValueError for one out of range."""
 
     transfers: ClassVar[bool] = True
 
@@ -73,19 +70,13 @@ class Settings:
     #: The covariance of the Gaussian prior is a sum over S sources divided by S - ddof.
     ddof: int = field(default=0, validator=whole(0, 1))
     #: Bound on the entries of a gradient, None for none.
-    clip: float | None = field(default=1000.0)
+    clip: float | None = field(default=1000.0, validator=optional(between(TINY, HUGE)))
     #: The same for the gradient of the KL by L, before it is weighted.
-    kl_clip: float | None = field(default=None)
+    kl_clip: float | None = field(default=None, validator=optional(between(TINY, HUGE)))
     #: Whether the KL is that of the "full" L, or of its "diagonal" alone.
     kl: str = field(default="full", validator=one_of(("full", "diagonal")))
     #: Responsibilities of the sources, the "exact" ones or "equal" for all.
     responsibilities: str = field(default="exact", validator=one_of(("exact", "equal")))
-
-    @clip.validator
-    @kl_clip.validator
-    def _check_clip(self, attribute: Any, value: object) -> None:
-        if value is not None:
-            between(TINY, HUGE)(self, attribute, value)
 
     def __attrs_post_init__(self) -> None:
         gaussian = self.family == "gaussian"
@@ -113,17 +104,15 @@ class Settings:
 class VariationalTransfer:
     """Algorithm 1 for R runs in lock-step: ``act``, then ``learn`` from the transition.
 
-    sources: (R, S, d), the S source weights of each run; the posterior and its gradients live on
-    their device, observations and actions on the processor. rng gives the streams "posterior"
-    (samples), "component" (which one acts) and "replay" (minibatches). ``mu`` (R, C, d) are the
-    posterior's means. Raises ValueError when sources are missing, not finite, not float32 or not of
-    the Q-function's shape.
+    sources: (R, S, d); the posterior and its gradients live on their device, observations and
+    actions on the processor. rng gives the streams "posterior" (samples), "component" (which one
+    acts) and "replay" (minibatches). Raises ValueError when sources are missing, not finite, not
+    float32 or not of the Q-function's shape.
     """
 
     def __init__(
         self, q: QFunction, sources: Tensor, obs_dim: int, settings: Settings, rng: Rng
     ) -> None:
-        check_kind("settings", settings, Settings)
         check_weights("sources", sources, "run", "source", q.d, tensor=True)
         rng.check_rows(len(sources))
         s, sources = settings, sources.detach()
@@ -153,7 +142,7 @@ class VariationalTransfer:
 
     @property
     def scale_tril(self) -> Tensor:
-        """The posterior's Cholesky factors, (R, C, d, d)."""
+        """The posterior's Cholesky factors (R, C, d, d)."""
         return self._posterior.scale_tril
 
     @property
