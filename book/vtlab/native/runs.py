@@ -41,6 +41,7 @@ NUMBERS = (
     "epsilon_start epsilon_end weight deviation"
 )
 PLACES = ("settings", "mu", "sources", "W", "L", "observation")  # in the order of runs.cpp
+# The streams of a run, in the order of ``Random`` in algorithm.h.
 ROLES = ("posterior", "component", "replay", "noise", "start", "exploration")
 
 
@@ -61,12 +62,6 @@ class _Settings(ctypes.Structure):
         *((name, ctypes.c_float) for name in NUMBERS.split()),
         ("task", ctypes.c_float * MOST_PARAMETERS),
     ]
-
-
-class _Random(ctypes.Structure):
-    """As ``Random`` in algorithm.h, in the order of ROLES."""
-
-    _fields_ = [(role, ctypes.c_void_p) for role in ROLES]
 
 
 def supports(family: TaskFamily, algorithm: Any, sources: int) -> bool:
@@ -216,8 +211,8 @@ class NativeRun:
             count = min(AHEAD, iterations - done)
             times = dict.fromkeys(("posterior", "replay"), count * self._updates)
             numbers = [self._numbers(role, times.get(role, count)) for role in ROLES]
-            random = _Random(*(array.ctypes.data for array in numbers))
-            self._call["iterate"](self._at, count, ctypes.byref(random))
+            pointers = (ctypes.c_void_p * len(ROLES))(*(array.ctypes.data for array in numbers))
+            self._call["iterate"](self._at, count, pointers)
 
     @property
     def learning(self) -> float:
