@@ -45,15 +45,6 @@ PLACES = ("settings", "mu", "sources", "W", "L", "observation")  # in the order 
 ROLES = ("posterior", "component", "replay", "noise", "start", "exploration")
 
 
-def repeated(algorithm: Any) -> tuple[Any, int]:
-    """An algorithm, and how many gradient steps it takes for each step of a task.
-
-    One that repeats another's gradient steps says so by an attribute ``repeated``.
-    """
-    found: tuple[Any, int] = getattr(algorithm, "repeated", (algorithm, 1))
-    return found
-
-
 class _Settings(ctypes.Structure):
     """As ``Settings`` in algorithm.h."""
 
@@ -71,7 +62,8 @@ def supports(family: TaskFamily, algorithm: Any, sources: int) -> bool:
         return False
     if getattr(library, f"{family.kernel}_weights")() != family.q().d:
         return False
-    algorithm, _ = repeated(algorithm)
+    # of settings that repeat another's gradient steps: those, and how often
+    algorithm, _ = getattr(algorithm, "repeated", (algorithm, 1))
     if type(algorithm) is FineTuning:
         algorithm = algorithm.learner
     # a derived class may have another agent, so only these classes themselves are supported
@@ -123,7 +115,7 @@ class NativeRun:
         name: str,
         run: int,
     ) -> None:
-        algorithm, self._updates = repeated(algorithm)
+        algorithm, self._updates = getattr(algorithm, "repeated", (algorithm, 1))
         if isinstance(algorithm, FineTuning):
             start = algorithm.first_weights(start.unsqueeze(0))[0]
             algorithm = algorithm.learner
