@@ -115,6 +115,7 @@ class NativeRun:
         name: str,
         run: int,
     ) -> None:
+        self._updates: int
         algorithm, self._updates = getattr(algorithm, "repeated", (algorithm, 1))
         if isinstance(algorithm, FineTuning):
             start = algorithm.first_weights(start.unsqueeze(0))[0]
