@@ -1,12 +1,15 @@
 """Tasks of the laboratory as Gymnasium environments, one task each."""
 
-from typing import Any
+from pkgutil import resolve_name
+from typing import Any, ClassVar
 
 import gymnasium
 import numpy as np
 import torch
 from gymnasium import spaces
 from torch import Tensor
+
+from vtlib.checks import shown
 
 
 class TasksEnv(gymnasium.Env[np.ndarray, np.int64]):
@@ -16,8 +19,16 @@ class TasksEnv(gymnasium.Env[np.ndarray, np.int64]):
     subclasses raise ValueError when an argument is out of range.
     """
 
-    def __init__(self, tasks: Any, space: spaces.Box) -> None:
-        self.tasks = tasks
+    metadata = gymnasium.Env.metadata | {"render_modes": ["rgb_array"]}
+    # A function of axes, tasks, index and state, by its name, "module:function": matplotlib takes
+    # most of a second to import, and only pictures need it.
+    drawing: ClassVar[str]
+    picture_size: ClassVar[tuple[int, int]] = (400, 400)  # width and height in pixels
+
+    def __init__(self, tasks: Any, space: spaces.Box, render_mode: str | None = None) -> None:
+        if render_mode not in (None, "rgb_array"):
+            raise ValueError(f"render_mode must be None or 'rgb_array', got {shown(render_mode)}")
+        self.tasks, self.render_mode = tasks, render_mode
         self.observation_space, self.action_space = space, spaces.Discrete(tasks.n_actions)
         self._state = torch.empty(0)
 
@@ -40,6 +51,15 @@ class TasksEnv(gymnasium.Env[np.ndarray, np.int64]):
             self._state, torch.tensor([int(action)]), torch.from_numpy(noise)
         )
         return self._observation(), float(reward), bool(terminated), False, {}
+
+    def render(self) -> np.ndarray | None:
+        """A picture (height, width, 3) uint8 of the task now, None without a render mode."""
+        if self.render_mode is None:
+            return None
+        picture, draw = resolve_name("vtlab.envs.draw:picture"), resolve_name(self.drawing)
+        state = self._state[0].numpy()
+        pixels: np.ndarray = picture(lambda ax: draw(ax, self.tasks, 0, state), self.picture_size)
+        return pixels
 
     def _observation(self) -> np.ndarray:
         # A copy, because the caller may change it, and an observation may be the state itself.

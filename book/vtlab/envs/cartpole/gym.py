@@ -1,5 +1,7 @@
 """Cartpole as a Gymnasium environment, over `Cartpole.step`."""
 
+from typing import Any
+
 import numpy as np
 from gymnasium import spaces
 
@@ -17,10 +19,18 @@ class CartpoleEnv(TasksEnv):
     mass, in m. Source: thesis section 6.2.1; the defaults are those of Gymnasium's CartPole-v1.
     """
 
+    metadata = TasksEnv.metadata | {"render_fps": 50}
+    drawing = "vtlab.envs.cartpole.draw:draw_cartpole"
+    picture_size = (600, 300)
+
     def __init__(
-        self, cart_mass: float = 1.0, pole_mass: float = 0.1, half_length: float = 0.5
+        self,
+        cart_mass: float = 1.0,
+        pole_mass: float = 0.1,
+        half_length: float = 0.5,
+        **options: Any,
     ) -> None:
         tasks = Cartpole.of(1, cart_mass=cart_mass, pole_mass=pole_mass, half_length=half_length)
         # The space has twice the limits, as in Gymnasium, so that last observations lie inside.
         high = np.array([2 * POSITION_LIMIT, np.inf, 2 * ANGLE_LIMIT, np.inf], np.float32)
-        super().__init__(tasks, spaces.Box(-high, high, dtype=np.float32))
+        super().__init__(tasks, spaces.Box(-high, high, dtype=np.float32), **options)

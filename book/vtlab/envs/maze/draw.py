@@ -1,4 +1,4 @@
-"""Plain drawing of a maze."""
+"""Plain drawing of a maze: used by the environment's pictures and by the book."""
 
 import numpy as np
 import torch

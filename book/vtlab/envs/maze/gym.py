@@ -1,5 +1,7 @@
 """Maze navigation as a Gymnasium environment, over `Mazes.step`."""
 
+from typing import Any
+
 import numpy as np
 from gymnasium import spaces
 
@@ -18,8 +20,11 @@ class MazeEnv(TasksEnv):
     ``maze`` is a name in `vtlab.envs.maze.library`. Source: thesis section 6.3.
     """
 
-    def __init__(self, maze: str = "north-east 0") -> None:
+    metadata = TasksEnv.metadata | {"render_fps": 10}
+    drawing = "vtlab.envs.maze.draw:draw_maze"
+
+    def __init__(self, maze: str = "north-east 0", **options: Any) -> None:
         low = np.array([0, 0, -1, -1, *[0] * 2 * SENSORS], np.float32)
         high = np.array([SIDE, SIDE, 1, 1, *[REACH] * SENSORS, *[1] * SENSORS], np.float32)
         space = spaces.Box(low, high, dtype=np.float32)
-        super().__init__(Mazes.of([maze]), space)
+        super().__init__(Mazes.of([maze]), space, **options)

@@ -1,6 +1,7 @@
 """The rooms problem as a Gymnasium environment, over `Rooms.step`."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from gymnasium import spaces
@@ -18,8 +19,13 @@ class RoomsEnv(TasksEnv):
     at (0, 0). Source: thesis section 6.1.
     """
 
-    def __init__(self, doors: Sequence[float] = (5.0, 5.0), uniform_start: bool = False) -> None:
+    metadata = TasksEnv.metadata | {"render_fps": 5}
+    drawing = "vtlab.envs.rooms.draw:draw_rooms"
+
+    def __init__(
+        self, doors: Sequence[float] = (5.0, 5.0), uniform_start: bool = False, **options: Any
+    ) -> None:
         tasks = Rooms.from_doors(doors, uniform_start)
         if len(tasks) != 1:
             raise ValueError(f"doors must have shape (W,), got {tuple(tasks.doors.shape)}")
-        super().__init__(tasks, spaces.Box(0.0, SIDE, (Rooms.obs_dim,), np.float32))
+        super().__init__(tasks, spaces.Box(0.0, SIDE, (Rooms.obs_dim,), np.float32), **options)
