@@ -29,6 +29,9 @@ class Stream:
         self._block = torch.empty(0, 0)
         self._next = 0
 
+    def __len__(self) -> int:
+        return len(self._generators)
+
     def normal(self, n: int) -> Tensor:
         """Standard normal numbers, float32 of shape (R, n)."""
         return self._draw("normal", n)

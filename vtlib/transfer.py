@@ -7,11 +7,10 @@ same method line by line, for one run.
 
 from __future__ import annotations
 
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import torch
 from attrs import field, frozen
-from attrs.validators import optional
 from torch import Tensor
 
 from vtlib.checks import HUGE, TINY, between, check_weights, one_of, positive, whole
@@ -70,13 +69,19 @@ class Settings:
     #: The covariance of the Gaussian prior is a sum over S sources divided by S - ddof.
     ddof: int = field(default=0, validator=whole(0, 1))
     #: Bound on the entries of a gradient, None for none.
-    clip: float | None = field(default=1000.0, validator=optional(between(TINY, HUGE)))
+    clip: float | None = field(default=1000.0)
     #: The same for the gradient of the KL by L, before it is weighted.
-    kl_clip: float | None = field(default=None, validator=optional(between(TINY, HUGE)))
+    kl_clip: float | None = field(default=None)
     #: Whether the KL is that of the "full" L, or of its "diagonal" alone.
     kl: str = field(default="full", validator=one_of(("full", "diagonal")))
     #: Responsibilities of the sources, the "exact" ones or "equal" for all.
     responsibilities: str = field(default="exact", validator=one_of(("exact", "equal")))
+
+    @clip.validator
+    @kl_clip.validator
+    def _check_clip(self, attribute: Any, value: object) -> None:
+        if value is not None:
+            between(TINY, HUGE)(self, attribute, value)
 
     def __attrs_post_init__(self) -> None:
         gaussian = self.family == "gaussian"
