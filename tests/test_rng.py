@@ -36,6 +36,7 @@ def test_some_runs_go_on_as_if_the_others_had_never_been(before):
     for t in range(300):
         if t == before:
             stream.keep([3, 1])
+            assert len(stream) == 2
         numbers = stream.normal(2)
         assert t < before or torch.equal(numbers, alone[:, t])
 
