@@ -35,8 +35,7 @@ def calls():
         (vtlib.solve, {"envs": envs, "q": Q, "settings": MellowTDSettings(1), **learning}),
         (
             vtlib.transfer,
-            {"envs": envs, "q": Q, "sources": sources, "settings": Trust(), **learning}
-            | {"device": "cpu"},
+            {"envs": envs, "q": Q, "sources": sources, "settings": Trust(), **learning},
         ),
         (vtlib.evaluate, {"envs": envs, "q": Q, "weights": weights, **counts}),
         (vtlib.play, {"envs": envs, "q": Q, "weights": weights, **counts}),

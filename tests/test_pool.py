@@ -1,7 +1,6 @@
 """A pool of sources: what joins it, what stays out, and what is read again."""
 
 import datetime
-import warnings
 
 import gymnasium as gym
 import numpy as np
@@ -14,15 +13,12 @@ from vtlib.pool import EPISODES, Pool
 from vtlib.qfunctions import MLP
 from vtlib.trust import Trust
 
-# untrained weights happen to take the action that pays
-pytestmark = pytest.mark.filterwarnings("ignore:.*no more than untrained weights")
 Q = MLP((2, 2))
 
 
 class Pays(gym.Env):
     """Three steps, of which one action pays."""
 
-    paid = 1
     action_space, observation_space = gym.spaces.Discrete(2), gym.spaces.Box(-1, 1, (2,))
 
     def reset(self, *, seed=None, options=None):
@@ -32,7 +28,7 @@ class Pays(gym.Env):
 
     def step(self, action):
         self._left -= 1
-        return np.zeros(2, np.float32), float(action == self.paid), self._left == 0, False, {}
+        return np.zeros(2, np.float32), float(action == 1), self._left == 0, False, {}
 
 
 def learned(*biases):
@@ -55,15 +51,6 @@ def test_of_an_ensemble_the_component_that_earns_most_joins(pool):
     assert source.returns.tolist() == [1.75] * EPISODES
     assert source.date == datetime.date.today().isoformat()
     assert str(pool) == f"first: greedy return 1.750, {source.date}"
-
-
-def test_a_source_that_has_learned_nothing_is_named(pool):
-    other = Pays()
-    other.paid = 0
-    with warnings.catch_warnings(action="error"):
-        assert pool.add("other", learned(-1), other)
-    with pytest.warns(UserWarning, match="'none' earns no more than untrained weights do"):
-        assert pool.add("none", learned(-2), Pays())
 
 
 def test_a_task_and_weights_that_are_there_are_noticed(pool):

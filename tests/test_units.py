@@ -6,7 +6,7 @@ from torch import nn
 
 from vtbook.neighbours import Recommended
 from vtlib import posteriors
-from vtlib.qfunctions import MLP, ModuleQ, greedy
+from vtlib.qfunctions import ModuleQ
 from vtlib.replay import Transition
 from vtlib.rng import Rng
 from vtlib.trust import NARROW
@@ -63,16 +63,6 @@ def test_it_starts_at_different_sources_and_only_remembers_at_first():
     torch.testing.assert_close(before.mu, sources)
     after, _, _ = learned(FIRST + 1)
     assert ((after.mu - sources).abs().amax(-1) > 0).all()
-
-
-def test_at_first_it_acts_as_its_source():
-    q, g = MLP((FEATURES, 5, ACTIONS)), torch.Generator().manual_seed(2)
-    sources = 0.1 * torch.randn(RUNS, SOURCES, q.d, generator=g)
-    agent = Recommended(components=1).agent(q, sources, FEATURES, Rng("recommended", [0, 1]))
-    states = torch.randn(100, RUNS, FEATURES, generator=g)
-    acts = torch.stack([agent.act(obs, torch.zeros(RUNS, dtype=torch.bool)) for obs in states])
-    expected = torch.stack([greedy(q, sources[:, :1], obs) for obs in states])
-    assert (acts == expected).float().mean() > 0.97  # draws are close to their mean
 
 
 def test_more_updates_go_further():

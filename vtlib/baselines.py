@@ -19,10 +19,9 @@ from vtlib.td import LEAST_KAPPA, td_gradients
 
 @frozen
 class LearnerSettings:
-    """Parameters that both baselines share; epsilon falls linearly from its start to its end.
+    """Parameters that both baselines share; ValueError for a value outside its range.
 
-    epsilon_steps: iterations over which epsilon falls. alpha: Adam's step size. Raises ValueError
-    for a value outside its range.
+    epsilon falls linearly over epsilon_steps iterations. alpha: Adam's step size.
     """
 
     transfers: ClassVar[bool] = False
@@ -50,11 +49,9 @@ class MellowTDSettings(LearnerSettings):
 
 @frozen
 class DDQNSettings(LearnerSettings):
-    """Parameters of DDQN (appendix A.2); the target is copied every target_every iterations.
+    """Parameters of DDQN (appendix A.2). Raises ValueError for a value outside its range."""
 
-    Raises ValueError for a value outside its range.
-    """
-
+    #: Iterations from one copy of the weights, which are the target, to the next.
     target_every: int = field(default=500, validator=whole())
 
     def agent(self, q: QFunction, w: Tensor, obs_dim: int, rng: Rng) -> DDQN:
@@ -64,10 +61,7 @@ class DDQNSettings(LearnerSettings):
 
 @frozen
 class FineTuning:
-    """A learner that starts from the weights of "one" source, the first given, or their "mean".
-
-    The plainest transfer there is. Raises ValueError for a value outside its range.
-    """
+    """A learner that starts from "one" source, the first, or their "mean"; else ValueError."""
 
     transfers: ClassVar[bool] = True
 
@@ -165,7 +159,6 @@ class DDQN(EpsilonGreedyLearner):
         self._target = self.mu.clone()
 
     def learn(self, transition: Transition) -> None:
-        """Store one transition of each run, take one gradient step, and copy the target in time."""
         super().learn(transition)
         if self._steps % self._settings.target_every == 0:
             self._target = self.mu.detach().clone()

@@ -5,13 +5,12 @@ one, its others are refused, and so is True for 1.
 """
 
 from collections.abc import Callable, Collection
-from typing import Any, Concatenate, ParamSpec, TypeGuard, get_args
+from typing import Any, TypeGuard, get_args
 
 import numpy as np
 import torch
 from torch import Tensor
 
-P = ParamSpec("P")
 LARGEST = 10**9  # largest whole number: nothing larger makes sense or fits into memory
 TINY, HUGE = 1e-37, 1e38  # float32 holds the positive numbers between
 LONGEST_NAME = 200  # bytes: file systems take 255, endings included
@@ -77,21 +76,13 @@ def check_name(name: str, value: object) -> None:
         raise ValueError(f"{name} must be {allowed}, got {shown(value)}")
 
 
-def check_weights(
-    name: str,
-    weights: Any,
-    *shape: str | int,
-    tensor: bool = False,
-) -> None:
+def check_weights(name: str, weights: Any, *shape: str | int, tensor: bool = False) -> None:
     """Raise ValueError unless weights are finite, of a shape, and float32.
 
     weights: a tensor or, but for ``tensor``, an array. An axis that is given in words may have any
     size but 0.
     """
-    if tensor:
-        check_kind(name, weights, Tensor)
-    if not isinstance(weights, Tensor | np.ndarray):
-        raise ValueError(f"{name} must be a tensor or an array, got {shown(weights)}")
+    check_kind(name, weights, Tensor if tensor else Tensor | np.ndarray)
     sizes = tuple(weights.shape)
     if len(sizes) != len(shape) or not all(
         size > 0 and (isinstance(axis, str) or size == axis)
@@ -109,7 +100,7 @@ def check_weights(
 Validator = Callable[[Any, Any, Any], None]  # of an attrs field: instance, attribute, value
 
 
-def _for_fields(check: Callable[Concatenate[str, object, P], None]) -> Callable[P, Validator]:
+def _for_fields(check: Callable[..., None]) -> Callable[..., Validator]:
     """A check for fields of attrs classes, from what the check takes after a value."""
     return lambda *rest, **named: lambda _, field, value: check(field.name, value, *rest, **named)
 

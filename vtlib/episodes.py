@@ -9,7 +9,6 @@ import torch
 from gymnasium.spaces import Box, Discrete
 from torch import Tensor
 
-from vtlib.checks import check_kind, shown
 from vtlib.replay import Transition
 
 
@@ -57,7 +56,7 @@ class GymEpisodes:
         self, envs: Sequence[gymnasium.Env], seeds: Sequence[int], gamma: float = 0.99
     ) -> None:
         if not envs:
-            raise ValueError("there must be at least one environment")
+            raise ValueError("envs must be at least one, got none")
         sizes = {_sizes(env) for env in envs}
         if len(sizes) != 1:
             raise ValueError(f"environments must have the same spaces, got {sorted(sizes)}")
@@ -74,11 +73,7 @@ class GymEpisodes:
         """Apply actions (R,) and return the transitions; runs whose episode ended start anew."""
         after, current, reward, ended, over = [], [], [], [], []
         for env, a in zip(self._envs, action.tolist(), strict=True):
-            outcome = env.step(a + int(env.action_space.start))
-            if len(outcome) != 5:
-                rule = "step must return obs, reward, terminated, truncated, info"
-                raise ValueError(f"{rule} (Gymnasium's five), got {len(outcome)} from {env}")
-            obs, r, terminated, truncated, _ = outcome
+            obs, r, terminated, truncated, _ = env.step(a + int(env.action_space.start))
             after.append(self._observation(env, obs))
             reward.append(float(r))
             if not np.isfinite(reward[-1]):
@@ -99,13 +94,6 @@ class GymEpisodes:
         if numbers.shape != (self.obs_dim,) or not np.isfinite(numbers).all():
             raise ValueError(f"needs {self.obs_dim} finite numbers to see, {env} gave {obs}")
         return numbers
-
-
-def check_environment(env: object) -> None:
-    """Raise ValueError unless env is an environment of its own."""
-    if isinstance(env, gymnasium.vector.VectorEnv):
-        raise ValueError(f"envs must be single environments, got {shown(env)}: pass its .envs")
-    check_kind("each of envs", env, gymnasium.Env)
 
 
 def _sizes(env: gymnasium.Env) -> tuple[int, int]:

@@ -16,7 +16,7 @@ from vtlib.baselines import DDQNSettings, FineTuning, MellowTDSettings
 from vtlib.checks import check_kind, check_weights, check_whole, shown
 from vtlib.episodes import GymEpisodes
 from vtlib.learned import Learned
-from vtlib.playing import check_envs, clear, episodes_of, greedy_episodes, stream_name
+from vtlib.playing import clear, episodes_of, greedy_episodes, stream_name
 from vtlib.qfunctions import QFunction
 from vtlib.rng import Rng
 from vtlib.training import Agent, arithmetic, check_finite, iterate
@@ -46,11 +46,10 @@ def solve(
     between sources. In the end each plays ``trials`` greedy episodes, which ``reached`` keeps and
     ``steps`` leaves out; a warning names those that earn no more than the initial weights do.
     callback is told the iteration, the mean returns (R,) and the weights (R, C, d) every 100
-    iterations, and ends the learning by returning False; progress shows a bar of all steps. Ctrl-C
-    ends it, too, and what was learned is returned. It has no ``device``, unlike ``transfer``: only
-    posteriors are kept elsewhere than on the processor. Raises ValueError for spaces other than
-    Box and Discrete, a Q-function of other sizes or that draws random numbers, or an environment
-    that is given twice; Diverged when weights cease to be finite.
+    iterations, and ends the learning by returning False; progress shows a bar of the iterations.
+    Ctrl-C ends it, too, and what was learned is returned. Raises ValueError for spaces other than
+    Box and Discrete, a Q-function of other sizes, or an environment that is given twice; Diverged
+    when weights cease to be finite.
     """
     check_run(iterations, callback, trials)
     check_kind("settings", settings, MellowTDSettings | DDQNSettings | None)
@@ -59,30 +58,25 @@ def solve(
     episodes, rng = episodes_of(envs, q, name, settings.gamma), Rng(name, range(len(envs)))
     start = 0.1 * Rng(name, [0]).stream("initial weights").normal(q.d).expand(len(envs), -1)
     agent = settings.agent(q, start, episodes.obs_dim, rng)
-    with tqdm(total=iterations, unit=" steps", disable=not progress) as bar:
-        about = {"q": q, "settings": settings, "seed": seed}
-        learned = _learn(agent, episodes, iterations, name, callback, bar, **about)
-        if trials and not learned.interrupted:
-            play = partial(_play, learned, envs, trials, name, bar)
-            learned = _with_reached(learned, start.unsqueeze(1), play)
-    return learned
-
-
-def _with_reached(learned: Learned, start: Tensor, play: Any) -> Learned:
-    """What was learned with the returns that it reached, and a warning where that is nothing."""
+    about = {"q": q, "settings": settings, "seed": seed}
+    learned = _learn(agent, episodes, iterations, name, callback, progress, **about)
+    if not trials or learned.interrupted:
+        return learned
+    gamma, ends = settings.gamma, (learned.weights, start.unsqueeze(1))
+    trial = partial(episodes_of, envs, q, f"{name} trial", gamma)
     try:
-        reached, before = (play(weights)[0] for weights in (learned.weights, start))
+        reached, before = (greedy_episodes(trial(), q, w, trials, gamma) for w in ends)
     except KeyboardInterrupt:
         return evolve(learned, interrupted=True)
     except ValueError as error:  # learning took long, and an endless episode must not lose it
-        warnings.warn(f"what was reached is not known: {error}", stacklevel=4)
+        warnings.warn(f"what was reached is not known: {error}", stacklevel=3)
         return learned
-    nothing = ~clear(reached - before)
+    nothing = ~clear(reached.returns - before.returns)
     if bool(nothing.any()):
         runs = ", ".join(map(str, nothing.nonzero().flatten().tolist()))
         fault = f"runs {runs} of solve learned nothing: greedy play earns no more than"
-        warnings.warn(f"{fault} the initial weights do, which is no source", stacklevel=4)
-    return evolve(learned, reached=reached)
+        warnings.warn(f"{fault} the initial weights do, which is no source", stacklevel=3)
+    return evolve(learned, reached=reached.returns)
 
 
 @arithmetic()
@@ -111,40 +105,38 @@ def transfer(
     one trial, or a device that torch lacks.
     """
     settings = Trust() if settings is None else settings
-    # only posteriors are kept elsewhere than on the processor
-    place = "cpu" if isinstance(settings, FineTuning) else device
     check_run(iterations, callback, trials)
-    check_transfer(envs, q, sources, settings, trials, place)
+    check_kind("settings", settings, Trust | Settings | FineTuning)
+    if trials and not isinstance(settings, Trust):
+        raise ValueError(f"trials must be 0 where other settings are given, got {trials}")
     gamma = (settings.learner if isinstance(settings, FineTuning) else settings).gamma
     name = stream_name("transfer", seed)
+    episodes, rng = episodes_of(envs, q, name, gamma), Rng(name, range(len(envs)))
+    check_sources(q, sources)
+    check_device(device)
     if isinstance(settings, Trust) and not bool((good := sound(sources)).all()):
         bad = ", ".join(map(str, (~good).nonzero().flatten().tolist()))
         fault = f"left out are sources [{bad}], whose weights are over ten times as large as most"
         warnings.warn(f"{fault}, as where learning has diverged", stacklevel=3)
         sources = sources[good]
+    # only posteriors are kept elsewhere than on the processor
+    place = "cpu" if isinstance(settings, FineTuning) else device
     shared = sources.detach().expand(len(envs), *sources.shape).to(place)
-    episodes, rng = episodes_of(envs, q, name, gamma), Rng(name, range(len(envs)))
-    agent = settings.agent(q, shared, episodes.obs_dim, rng)
-    with tqdm(total=iterations, unit=" steps", disable=not progress) as bar:
-        about = {"q": q, "settings": settings, "seed": seed}
-        learned = _learn(agent, episodes, iterations, name, callback, bar, **about)
-        if trials and not learned.interrupted:
-            play = partial(_play, learned, envs, trials, name, bar)
-            learned = _with_the_better(learned, agent, play)  # type: ignore[arg-type]
-    return learned
-
-
-def _with_the_better(learned: Learned, agent: Trusting, play: Any) -> Learned:
-    """What was learned where it earns more than the best source in trials, else that source."""
+    agent: Any = settings.agent(q, shared, episodes.obs_dim, rng)
+    about = {"q": q, "settings": settings, "seed": seed}
+    learned = _learn(agent, episodes, iterations, name, callback, progress, **about)
+    if not trials or learned.interrupted:
+        return learned
     mu, source = agent.learned.mu.cpu(), agent.best_source
+    trial = partial(episodes_of, envs, q, f"{name} trial", gamma)
     try:
-        (ours, took), (theirs, also) = play(mu), play(source)
+        ours, theirs = (greedy_episodes(trial(), q, w, trials, gamma) for w in (mu, source))
     except KeyboardInterrupt:
         return evolve(learned, interrupted=True)
-    gain = ours - theirs
-    improved = clear(gain)
+    improved = clear(ours.returns - theirs.returns)
     weights = torch.where(improved.view(-1, 1, 1), mu, source.expand_as(mu))
-    return evolve(learned, weights=weights, steps=learned.steps + took + also, improved=improved)
+    steps = learned.steps + ours.lengths.sum(1) + theirs.lengths.sum(1)
+    return evolve(learned, weights=weights, steps=steps, improved=improved)
 
 
 def check_run(iterations: object, callback: object, trials: object = 0) -> None:
@@ -156,30 +148,22 @@ def check_run(iterations: object, callback: object, trials: object = 0) -> None:
         raise ValueError("trials must be 0 or at least 2, got 1: one has no standard error")
 
 
-def check_transfer(
-    envs: Any, q: Any, sources: Any, settings: Any, trials: int, device: Any
-) -> None:
-    """Raise ValueError for arguments with which ``transfer`` cannot work."""
-    check_kind("device", device, str)
-    check_envs(envs)
-    check_kind("q", q, QFunction)
-    if isinstance(sources, Learned):
-        raise ValueError("sources must be a Tensor, got what solve returns: pass .weights[:, 0]")
-    if hasattr(type(sources), "weights"):  # a pool, which would show all its weights
+def check_sources(q: QFunction, sources: Any) -> None:
+    """Raise ValueError, with what would help, unless sources (S, d) are weights of a Q-function."""
+    if hasattr(type(sources), "weights"):  # what was learned or a pool, which show all they have
         raise ValueError("sources must be a Tensor, got what has them: pass .weights")
     if isinstance(sources, Tensor) and sources.dim() == 3:
         got = tuple(sources.shape)
         raise ValueError(f"sources must have shape (sources, {q.d}), got {got}: pass [:, 0] of it")
     check_weights("sources", sources, "source", q.d, tensor=True)
-    if isinstance(settings, MellowTDSettings | DDQNSettings):
-        kind = type(settings).__name__
-        raise ValueError(f"settings must transfer, got {kind}: wrap it in FineTuning")
-    check_kind("settings", settings, Trust | Settings | FineTuning)
-    if trials and not isinstance(settings, Trust):
-        raise ValueError(f"trials must be 0 where other settings are given, got {trials}")
+
+
+def check_device(device: object) -> None:
+    """Raise ValueError unless device names one that torch has here."""
+    check_kind("device", device, str)
     try:
-        torch.empty(0, device=device)
-    except (RuntimeError, AssertionError, TypeError) as error:
+        torch.empty(0, device=device)  # type: ignore[call-overload]
+    except (RuntimeError, AssertionError) as error:
         raise ValueError(f"device must be one that torch has here, got {shown(device)}") from error
 
 
@@ -204,19 +188,14 @@ def resume(
     q, settings, gamma = learned.q, learned.settings, learned.gamma
     name = f"{stream_name('resume', learned.seed)} after {int(learned.steps.max())}"
     episodes, rng = episodes_of(envs, q, name, gamma), Rng(name, range(len(envs)))  # type: ignore[arg-type]
-    weights = learned.weights
-    if len(envs) != len(weights):
-        raise ValueError(f"envs must be one for each of {len(weights)} runs, got {len(envs)}")
+    about = {"q": q, "settings": settings, "seed": learned.seed}
+    sources = learned.weights if learned.state is None else learned.state["sources"]
     if isinstance(settings, MellowTDSettings | DDQNSettings):
-        settings, weights = evolve(settings, epsilon_start=settings.epsilon_end), weights[:, 0]
-    about = {x: getattr(learned, x) for x in ("q", "settings", "seed")}
-    if learned.state is None:
-        agent = settings.agent(q, weights, episodes.obs_dim, rng)
-    else:
-        agent = settings.agent(q, learned.state["sources"], episodes.obs_dim, rng)
+        settings, sources = evolve(settings, epsilon_start=settings.epsilon_end), sources[:, 0]
+    agent = settings.agent(q, sources, episodes.obs_dim, rng)
+    if learned.state is not None:
         agent.restore(learned.state)
-    with tqdm(total=iterations, unit=" steps", disable=not progress) as bar:
-        more = _learn(agent, episodes, iterations, name, callback, bar, **about)
+    more = _learn(agent, episodes, iterations, name, callback, progress, **about)
     return evolve(
         more,
         iterations=torch.cat([learned.iterations, more.iterations + int(learned.steps.max())]),
@@ -225,46 +204,28 @@ def resume(
     )
 
 
-def _play(
-    learned: Learned,
-    envs: Sequence[gymnasium.Env],
-    episodes: int,
-    name: str,
-    bar: Any,
-    weights: Tensor,
-) -> tuple[Tensor, Tensor]:
-    """Greedy returns (R, episodes) of weights (R, C, d), and steps (R,) played to get them."""
-
-    def tick() -> None:
-        bar.total += 1
-        bar.update()
-
-    trial, gamma = f"{name} trial", learned.gamma
-    played = greedy_episodes(envs, learned.q, weights, episodes, trial, gamma, tick)  # type: ignore[arg-type]
-    return played.returns, played.lengths.sum(1)
-
-
 def _learn(
     agent: Agent,
     episodes: GymEpisodes,
     iterations: int,
     name: str,
     callback: Callback | None,
-    bar: Any,
+    progress: bool,
     **about: Any,
 ) -> Learned:
     runs, times, returns = len(agent.mu), [], []
     names, done = [f"run {r} of {name}" for r in range(runs)], 0
-    interrupted = False
+    steps, interrupted = islice(iterate(agent, episodes), iterations), False
     try:
-        for t in islice(iterate(agent, episodes), iterations):
+        for t in tqdm(steps, total=iterations, unit=" steps", disable=not progress):
             done = t
-            bar.update()
             if t % EVERY == 0:
                 check_finite(agent.mu, names, t)
                 times.append(t)
                 returns.append(episodes.returns.mean(before=torch.nan))
-                if not _goes_on(callback, t, returns[-1], agent.mu):
+                weights = agent.mu.detach().cpu().clone()
+                goes_on = None if callback is None else callback(t, returns[-1], weights)
+                if goes_on is not None and not goes_on:  # NumPy's and torch's False end it, too
                     break
     except KeyboardInterrupt:
         interrupted = True
@@ -291,9 +252,3 @@ def _learn(
         interrupted=interrupted,
         **about,
     )
-
-
-def _goes_on(callback: Callback | None, t: int, returns: Tensor, mu: Tensor) -> bool:
-    """Whether a callback lets the learning go on; NumPy's and torch's False end it, too."""
-    answer = None if callback is None else callback(t, returns, mu.detach().cpu().clone())
-    return answer is None or bool(answer)

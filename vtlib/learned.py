@@ -63,10 +63,8 @@ class Learned:
         shape = (runs, components, d)
         posteriors = (None, None), (shape, shape), (shape, (*shape, d))
         if shapes != [(runs, times), (runs,), (runs,)] or (means, factors) not in posteriors:
-            raise ValueError(
-                f"arrays must fit weights {tuple(shape)} and {times} records, got "
-                f"{shapes}, mu {means}, scale_tril {factors}"
-            )
+            got = f"{shapes}, mu {means}, scale_tril {factors}"
+            raise ValueError(f"arrays must fit weights {shape} and {times} records, got {got}")
 
     def __str__(self) -> str:
         lines = []
@@ -75,17 +73,12 @@ class Learned:
             if self.reached is not None:
                 line += f", greedy return {float(self.reached[run].mean()):.3f}"
             if self.state is not None:
-                line += f", {self._played(run)}"
+                played, sources = self.state["played"][run], self.state["sources"].shape[1]
+                ended, by_sources = (played >= 0).sum(), ((played >= 0) & (played < sources)).sum()
+                keeps = "what was learned" if self.improved[run] else "a source"
+                line += f", sources played {by_sources} of {ended} episodes, kept is {keeps}"
             lines.append(line + ", interrupted" * self.interrupted)
         return "\n".join(lines)
-
-    def _played(self, run: int) -> str:
-        """How many episodes sources have played in a run, and what was learned."""
-        assert self.state is not None
-        played, sources = self.state["played"][run], self.state["sources"].shape[1]
-        learned, shown = int((played == sources).sum()), int((played >= 0).sum())
-        keeps = "what was learned" if self.improved[run] else "a source"
-        return f"sources played {shown - learned} of {shown} episodes, kept is {keeps}"
 
     @property
     def gamma(self) -> float:
@@ -137,10 +130,7 @@ class Learned:
         return values[0].transpose(1, 2), seen.ndim == 2
 
     def save(self, path: str | Path) -> None:
-        """Write everything to one .npz of plain arrays, at once, and make its folder if need be.
-
-        Weights of a module are kept, its code is not: ``load`` has to be given it.
-        """
+        """Write everything but a module's code to one .npz of plain arrays, at once."""
         arrays = {
             name: part.cpu().numpy()
             for name, part in attrs.asdict(self, recurse=False).items()
@@ -158,7 +148,7 @@ class Learned:
     def load(cls, path: str | Path, q: QFunction | None = None) -> Self:
         """What was saved; TornResult names a file that is not whole or holds something else.
 
-        q: needed for a Q-function of one's own or a module; ValueError where it is another.
+        q: needed for a module or a Q-function of one's own; ValueError where it is another.
         """
         arrays, about = load_arrays(path, "Learned.save")
         spec, settings = about.pop("q", None), about.pop("settings", None)

@@ -1,6 +1,6 @@
 """Greedy play on ordinary Gymnasium environments, and what the front door refuses of them."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import gymnasium
@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 
 from vtlib.checks import check_between, check_kind, check_weights, check_whole, shown
-from vtlib.episodes import GymEpisodes, check_environment
+from vtlib.episodes import GymEpisodes
 from vtlib.qfunctions import QFunction
 from vtlib.rng import generator
 from vtlib.training import arithmetic
@@ -25,7 +25,6 @@ class Played(NamedTuple):
     lengths: Tensor
 
 
-@arithmetic()
 def evaluate(
     envs: Sequence[gymnasium.Env],
     q: QFunction,
@@ -56,31 +55,24 @@ def play(
     """Returns, undiscounted returns and lengths of the episodes that ``evaluate`` plays."""
     check_whole("episodes", episodes)
     check_between("gamma", gamma, 0, 1)
-    check_envs(envs)
-    check_kind("q", q, QFunction)
+    lock = episodes_of(envs, q, stream_name("evaluate", seed), gamma)
     check_weights("weights", weights, len(envs), "component", q.d, tensor=True)
-    return greedy_episodes(envs, q, weights, episodes, stream_name("evaluate", seed), gamma)
+    return greedy_episodes(lock, q, weights, episodes, gamma)
 
 
 def greedy_episodes(
-    envs: Sequence[gymnasium.Env],
-    q: QFunction,
-    weights: Tensor,
-    episodes: int,
-    name: str,
-    gamma: float,
-    tick: Callable[[], object] = lambda: None,
+    lock: GymEpisodes, q: QFunction, weights: Tensor, episodes: int, gamma: float
 ) -> Played:
-    """Greedy episodes of weights (R, C, d); tick is called at each step of all runs."""
-    lock, count = episodes_of(envs, q, name, gamma), torch.zeros(len(envs), dtype=torch.int64)
-    running, plain, discount = torch.zeros(len(envs)), torch.zeros(len(envs)), torch.ones(len(envs))
+    """The next greedy episodes of environments in lock-step, by weights (R, C, d)."""
+    runs = len(weights)
+    running, plain, discount = torch.zeros(runs), torch.zeros(runs), torch.ones(runs)
+    count = torch.zeros(runs, dtype=torch.int64)
     since = torch.zeros_like(count)
-    returns, undiscounted = torch.zeros(2, len(envs), episodes)
-    lengths = torch.zeros(len(envs), episodes, dtype=torch.int64)
+    returns, undiscounted = torch.zeros(2, runs, episodes)
+    lengths = torch.zeros(runs, episodes, dtype=torch.int64)
     while bool((count < episodes).any()):
         action = q.q(weights, q.prepare(lock.obs.unsqueeze(1))).mean(1)[..., 0].argmax(-1)
         reward = lock.step(action).reward
-        tick()
         running += discount * reward
         plain += reward
         discount *= gamma
@@ -104,15 +96,6 @@ def clear(gain: Tensor) -> Tensor:
     return clear
 
 
-def check_envs(envs: object) -> None:
-    """Raise ValueError unless envs are a sequence of environments."""
-    if isinstance(envs, gymnasium.vector.VectorEnv):
-        raise ValueError(f"envs must be a Sequence, got {shown(envs)}: pass its .envs")
-    check_kind("envs", envs, Sequence)
-    for env in envs:  # type: ignore[attr-defined]
-        check_environment(env)
-
-
 def stream_name(task: str, seed: int) -> str:
     """The name of a call's random streams; ValueError for a seed that is no whole number."""
     check_whole("seed", seed, 0)
@@ -123,23 +106,22 @@ def episodes_of(
     envs: Sequence[gymnasium.Env], q: QFunction, name: str, gamma: float
 ) -> GymEpisodes:
     """Environments in lock-step; ValueError where the Q-function does not fit them."""
-    check_envs(envs)
+    if isinstance(envs, gymnasium.vector.VectorEnv):
+        raise ValueError(f"envs must be a Sequence, got {shown(envs)}: pass its .envs")
+    check_kind("envs", envs, Sequence)
+    for env in envs:
+        check_kind("each of envs", env, gymnasium.Env)
     check_kind("q", q, QFunction)
-    if len({id(getattr(env, "unwrapped", env)) for env in envs}) < len(envs):
+    if len({id(env.unwrapped) for env in envs}) < len(envs):
         raise ValueError("envs must be one for each run, got one that is given twice")
     limit, runs = np.iinfo(np.int32).max, range(len(envs))
     seeds = [int(generator(name, run, "environment").integers(limit)) for run in runs]
     episodes = GymEpisodes(envs, seeds, gamma)
     try:
-        # weights of many sizes, because weights of zero would hide what a unit draws
-        w, obs = torch.linspace(-1, 1, q.d).view(1, 1, -1), episodes.obs[:1].unsqueeze(1)
-        values, repeated = (q.q(w, q.prepare(obs)) for _ in range(2))
+        values = q.q(torch.zeros(1, 1, q.d), q.prepare(episodes.obs[:1].unsqueeze(1)))
     except Exception as error:  # a user's Q-function may raise anything
         need = f"q must value an observation of {episodes.obs_dim} numbers"
         raise ValueError(f"{need}, got {shown(str(error))}") from error
-    same = values.shape == repeated.shape
-    if not (same and torch.allclose(values, repeated, 1e-4, 1e-4, equal_nan=True)):
-        raise ValueError("q must give the same values each time, got others from a second call")
     if not (values.shape[:2] == (1, 1) and values.shape[2] == q.n_actions == episodes.n_actions):
         counts = f"{episodes.n_actions} actions, got {q.n_actions} and {values.shape[2]} values"
         raise ValueError(f"q must have the environments' {counts}")

@@ -15,9 +15,8 @@ from torch import Tensor
 from vtlib.checks import check_kind, check_name, check_weights, check_whole
 from vtlib.files import TornResult
 from vtlib.learned import Learned, load_arrays, save_arrays
-from vtlib.playing import Played, clear, play
+from vtlib.playing import Played, play
 from vtlib.qfunctions import QFunction, described, from_description
-from vtlib.rng import Rng
 
 EPISODES = 20  # that a source plays before it joins
 
@@ -49,9 +48,8 @@ class Pool:
 
         Of several components the one joins that earns most in env, for neither their mean nor
         their vote is a weight vector that any of them stands for. Its returns are of other
-        episodes. Weights that are in the pool already stay out, with a warning; another names those
-        that earn no more than untrained weights do. Raises ValueError for a task's name that is
-        taken, and as ``evaluate``.
+        episodes. Weights that are in the pool already stay out, with a warning. Raises ValueError
+        for a task's name that is taken, and as ``evaluate``.
         """
         check_name("task", task)
         check_kind("learned", learned, Learned)
@@ -68,14 +66,7 @@ class Pool:
                 fault = f"the weights of {task!r} are those of {source.task!r}"
                 warnings.warn(f"{fault} in the pool already: they are not added", stacklevel=2)
                 return False
-        untrained = 0.1 * Rng("pool", [0]).stream("initial weights").normal(self.q.d)[0]
-        fresh, before = (
-            play([env], self.q, w.view(1, 1, -1), EPISODES, gamma=gamma, seed=1)
-            for w in (best, untrained)
-        )
-        if not bool(clear(fresh.returns - before.returns)):
-            fault = f"{task!r} earns no more than untrained weights do"
-            warnings.warn(f"{fault}: it joins, but as a source it misleads", stacklevel=2)
+        fresh = play([env], self.q, best.view(1, 1, -1), EPISODES, gamma=gamma, seed=1)
         today = datetime.date.today().isoformat()
         self.sources.append(Source(task, best, fresh.returns[0], today))
         return True
@@ -92,17 +83,12 @@ class Pool:
 
     def save(self, path: str | Path) -> None:
         """Write the pool to one .npz of plain arrays, at once."""
-        arrays = {
-            "weights": torch.cat(
-                [torch.empty(0, self.q.d), *(x.weights[None] for x in self.sources)]
-            ),
-            "returns": torch.cat(
-                [torch.empty(0, EPISODES), *(x.returns[None] for x in self.sources)]
-            ),
-        }
+        arrays = {}
+        for part, size in (("weights", self.q.d), ("returns", EPISODES)):
+            rows = [getattr(x, part).numpy() for x in self.sources]
+            arrays[part] = np.array(rows, np.float32).reshape(-1, size)
         tasks, dates = ([getattr(x, part) for x in self.sources] for part in ("task", "date"))
-        about = {"q": described(self.q), "tasks": tasks, "dates": dates}
-        save_arrays(path, {name: x.numpy() for name, x in arrays.items()}, about)
+        save_arrays(path, arrays, {"q": described(self.q), "tasks": tasks, "dates": dates})
 
     @classmethod
     def load(cls, path: str | Path, q: QFunction | None = None) -> Self:

@@ -126,10 +126,7 @@ def sources_mean_and_spread(sources: Tensor, ddof: int = 0) -> tuple[Tensor, Ten
 
 
 def covariance_factor(spread: Tensor, jitter: float) -> Tensor:
-    """Cholesky factor (..., d, d) of B B^T + jitter * I, from B (..., d, S).
-
-    Raises ValueError when rounding spoils it.
-    """
+    """Cholesky factor of B B^T + jitter * I, B (..., d, S); ValueError when rounding spoils it."""
     *batch, d, count = spread.shape
     factors = spread.new_empty(*batch, d, d)
     # Matrices are factored a few at a time, because all of them in double precision would take
@@ -152,10 +149,7 @@ def covariance_factor(spread: Tensor, jitter: float) -> Tensor:
 
 
 def low_rank_precision(spread: Tensor, jitter: float) -> Precision:
-    """Inverse of B B^T + jitter * I from B (..., d, S), never d x d.
-
-    Raises ValueError when rounding spoils it.
-    """
+    """Inverse of B B^T + jitter * I, B (..., d, S), never d x d; ValueError as of its factor."""
     try:
         left, singular, _ = torch.linalg.svd(spread.double(), full_matrices=False)
     except torch.linalg.LinAlgError as error:  # type: ignore[attr-defined]  # documented, not typed
@@ -224,10 +218,7 @@ def _theta(log_phi: Tensor, pairwise: Tensor) -> Tensor:
 
 
 def kl_bound(pairwise: Tensor, log_theta: Tensor, log_phi: Tensor) -> Tensor:
-    """The upper bound of eq. 5.13 on the KL of two mixtures, shape (...).
-
-    All arguments (..., C, S). It is exact for single Gaussians.
-    """
+    """The upper bound (...) of eq. 5.13 on the KL of two mixtures, from tables (..., C, S)."""
     theta = log_theta.exp()
     # theta = 0 contributes nothing even where phi = 0 makes the logarithms infinite
     terms = theta * (log_theta - log_phi + pairwise)
@@ -235,10 +226,7 @@ def kl_bound(pairwise: Tensor, log_theta: Tensor, log_phi: Tensor) -> Tensor:
 
 
 def pairwise_kl(q: Gaussian, sources: Tensor, variance: float) -> Tensor:
-    """KL (..., C, S) of components q (..., C, d) from N(w_j, variance * I), eq. 5.7.
-
-    sources: (..., S, d).
-    """
+    """KL (..., C, S) of q (..., C, d) from N(w_j, variance * I) at sources (..., S, d), eq. 5.7."""
     d = q.mu.shape[-1]
     trace = q.scale_tril.square().sum((-2, -1)) / variance
     shape = 0.5 * (d * math.log(variance) - 2 * _log_diagonal(q.scale_tril) + trace - d)

@@ -1,9 +1,7 @@
 """Q-functions over a flat weight vector: multilayer perceptrons, and any torch module.
 
-Every Q-function offers the same: ``d`` weights, ``prepare(obs)`` (what may be computed once for all
-weights), ``q(w, x)`` and ``vjp(w, x)``. Weights are (R, K, d): K weight vectors for
-each of R runs. Observations are (R, B, obs_dim) and shared by the K vectors. Values come as
-(R, K, A, B), actions before states, so that reductions over actions run along contiguous memory.
+Weights are (R, K, d): K weight vectors for each of R runs. Observations are (R, B, obs_dim) and
+shared by the K vectors. Values come as (R, K, A, B), actions before states.
 """
 
 from collections.abc import Callable, Sequence
@@ -44,14 +42,11 @@ def greedy(q: QFunction, w: Tensor, obs: Tensor) -> Tensor:
 def described(q: QFunction) -> dict[str, Any]:
     """What a file says of a Q-function, in plain numbers and words."""
     about = {"kind": type(q).__name__, "d": q.d, "n_actions": q.n_actions}
-    return about | getattr(q, "sizes_of_parts", lambda: {})()
+    return about | getattr(q, "sizes_of_parts", {})
 
 
 def from_description(about: dict[str, Any], q: QFunction | None = None) -> QFunction:
-    """The Q-function of a description; only the code of a module or one's own has to be given.
-
-    Raises ValueError where it is missing, or another.
-    """
+    """The Q-function of a description, or q where it is that one; ValueError where it is not."""
     if q is None and about["kind"] == "MLP":
         return MLP(about["sizes"])
     own = None if q is None else described(q)
@@ -77,10 +72,7 @@ class MLP:
         self._layers = list(pairwise(self.sizes))
         self.n_actions, self.width = self.sizes[-1], max(self.sizes)
         self.d = sum(out * (into + 1) for into, out in self._layers)
-
-    def sizes_of_parts(self) -> dict[str, Any]:
-        """The layers' sizes, for a file."""
-        return {"sizes": list(self.sizes)}
+        self.sizes_of_parts = {"sizes": list(self.sizes)}  # for a file
 
     def prepare(self, obs: Tensor) -> Tensor:
         """Observations (R, B, obs_dim) as columns (R, obs_dim + 1, B) that end in a one."""
@@ -170,7 +162,7 @@ class ModuleQ:
 
     The module's parameters, flattened in the order of ``named_parameters``, are the weights, but
     for those that require no gradient, which stay as they are; the module itself is only read.
-    Slower than by hand. Raises ValueError for buffers, dropout and layers without sizes.
+    Slower than by hand. Raises ValueError for buffers, dropout, or nothing to train.
     """
 
     def __init__(self, module: nn.Module, n_actions: int) -> None:
@@ -180,9 +172,6 @@ class ModuleQ:
             raise ValueError(f"module must have no buffers, it has {', '.join(buffers)}")
         if any(isinstance(part, nn.modules.dropout._DropoutNd) for part in module.modules()):
             raise ValueError("module must give the same values each time, it has dropout")
-        if lazy := [x for x, p in module.named_parameters() if nn.parameter.is_lazy(p)]:
-            rule = "module must know its sizes: call it once before"
-            raise ValueError(f"{rule}, got lazy {', '.join(lazy)}")
         self.n_actions = int(n_actions)
         self._module = module
         trained = [(name, p) for name, p in module.named_parameters() if p.requires_grad]
@@ -191,10 +180,7 @@ class ModuleQ:
             raise ValueError("module must have parameters that require gradients, it has none")
         self.width = max(shape[:1].numel() for shape in self._shapes.values())
         self.d = sum(shape.numel() for shape in self._shapes.values())
-
-    def sizes_of_parts(self) -> dict[str, Any]:
-        """The shapes of the weights, for a file."""
-        return {"shapes": {name: list(shape) for name, shape in self._shapes.items()}}
+        self.sizes_of_parts = {"shapes": {x: list(shape) for x, shape in self._shapes.items()}}
 
     def flatten(self, module: nn.Module) -> Tensor:
         """The weights (d,) of a module of the same shape, such as a solved source's network."""

@@ -22,11 +22,7 @@ class Transition(NamedTuple):
 
 
 class ReplayBuffer:
-    """Ring buffer of the last ``capacity`` transitions of each run, sampled with replacement.
-
-    All runs add one transition at each step, so they share position and size; the buffer grows
-    with its content up to ``capacity``.
-    """
+    """Ring buffer of the last ``capacity`` transitions of each run, sampled with replacement."""
 
     def __init__(self, runs: int, capacity: int, obs_dim: int) -> None:
         self._capacity = capacity

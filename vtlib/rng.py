@@ -20,8 +20,7 @@ class Stream:
     """Random numbers of one role for a batch of runs, one independent generator per run.
 
     A stream always yields the same kind and count ``n`` of numbers per draw, so its values depend
-    neither on how many are drawn ahead nor on the runs beside it in the batch. Raises ValueError
-    when asked for another kind or count. Its length is the number of its runs.
+    neither on how many are drawn ahead nor on the runs beside it. Raises ValueError for another.
     """
 
     def __init__(self, experiment: str, runs: Sequence[int], role: str) -> None:
@@ -57,7 +56,10 @@ class Stream:
             ahead = max(1, min(256, BLOCK // max(1, n * len(self._generators))))
             block = np.empty((len(self._generators), ahead, n), np.float32)
             for rng, numbers in zip(self._generators, block, strict=True):
-                _fill(rng, kind, numbers)
+                if kind == "normal":
+                    rng.standard_normal(dtype=np.float32, out=numbers)
+                else:
+                    rng.random(dtype=np.float32, out=numbers)
             self._block, self._next = torch.from_numpy(block), 0
         self._next += 1
         return self._block[:, self._next - 1]
@@ -77,10 +79,3 @@ class Rng:
         """Raise ValueError unless there is one row of weights for each run."""
         if rows != (runs := len(self._runs)):
             raise ValueError(f"there must be weights for each of {runs} runs, got {rows}")
-
-
-def _fill(rng: np.random.Generator, kind: str, numbers: np.ndarray) -> None:
-    if kind == "normal":
-        rng.standard_normal(dtype=np.float32, out=numbers)
-    else:
-        rng.random(dtype=np.float32, out=numbers)

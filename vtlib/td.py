@@ -16,9 +16,8 @@ CACHED = 1 << 20  # floats that the cache holds
 def mellowmax(values: Tensor, kappa: float, dim: int = -1) -> Tensor:
     """Softened maximum of eq. 5.3: log of the mean of exp(kappa * values), over kappa, along dim.
 
-    Lies between the mean (kappa -> 0) and the maximum (kappa -> infinity), and is a
-    non-expansion. Source: Asadi and Littman (2017). Raises ValueError unless kappa is finite and
-    positive.
+    Lies between the mean (kappa -> 0) and the maximum (kappa -> infinity). Source: Asadi and
+    Littman (2017). Raises ValueError unless kappa is finite and positive.
     """
     check_positive("kappa", kappa)
     top = values.amax(dim, keepdim=True)
@@ -59,8 +58,7 @@ def td_cotangent(
 
     Shapes as in ``td_error``; the derivative through the next state is weighted by psi: 1 gives
     the full gradient, 0 the semi-gradient. Returns two tensors shaped like q and q_next; pulled
-    back through Q they give the gradient with respect to the weights. Terminal next states drop
-    out of both the target and the psi part.
+    back through Q they give the gradient with respect to the weights.
     """
     batch = q.shape[-1]
     alive = gamma * ~terminated
@@ -120,8 +118,7 @@ def _td_gradients(
 def exp_of_differences(x: Tensor) -> Tensor:
     """exp(x) of differences x <= 0 from the largest term of a sum; x is overwritten.
 
-    Zero where the sum, which is at least one, would round it away. Left in, such numbers and their
-    products become denormal, and on those a processor is up to a hundred times slower.
+    Zero where the sum, which is at least one, would round it away: denormal numbers are slow.
     """
     rounding = torch.finfo(x.dtype).eps
     x = x.clamp_(min=math.log(rounding) - 1).exp_()

@@ -32,8 +32,7 @@ class Diverged(RuntimeError):
 def arithmetic() -> Iterator[None]:
     """Compute in float32 with one of torch's threads, and restore the caller's settings afterwards.
 
-    With more threads torch rounds otherwise. Small tensors then take longer, too, many times as
-    long where processors are busy.
+    With more threads torch rounds otherwise, and small tensors take longer.
     """
     threads, dtype = torch.get_num_threads(), torch.get_default_dtype()
     torch.set_num_threads(1)
@@ -46,10 +45,7 @@ def arithmetic() -> Iterator[None]:
 
 
 def iterate(agent: Agent, episodes: Any) -> Iterator[int]:
-    """Let an agent learn from episodes such as ``GymEpisodes``; yields the iterations, for ever.
-
-    An iteration is one environment step followed by one gradient step.
-    """
+    """Let an agent act in episodes and learn from each step, for ever; yields the iterations."""
     for t in itertools.count(1):
         agent.learn(episodes.step(agent.act(episodes.obs, episodes.fresh)))
         yield t

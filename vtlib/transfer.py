@@ -1,9 +1,8 @@
 """Variational transfer (Algorithm 1), for many runs in lock-step.
 
-A posterior over Q-function weights is acted upon by Thompson sampling. It is a mixture of C equally
-weighted Gaussians: a single Gaussian with a Gaussian prior is GVT (section 5.2.1), a mixture with
-one prior component per source is c-MGVT (section 5.2.2). ``vtlib.algorithm1`` is the same method
-line by line, for one run.
+A single Gaussian with a Gaussian prior is GVT (section 5.2.1), a mixture of C equally weighted
+Gaussians with one prior component per source is c-MGVT (section 5.2.2). ``vtlib.algorithm1`` is the
+same method line by line, for one run.
 """
 
 from __future__ import annotations
@@ -14,7 +13,7 @@ import torch
 from attrs import field, frozen
 from torch import Tensor
 
-from vtlib.checks import HUGE, TINY, between, check_kind, check_weights, one_of, positive, whole
+from vtlib.checks import HUGE, TINY, between, check_weights, one_of, positive, whole
 from vtlib.posteriors import COVARIANCES, Descent, Diagonal
 from vtlib.priors import PRIOR_JITTER, GaussianPrior, MixturePrior
 from vtlib.qfunctions import QFunction, greedy
@@ -25,10 +24,7 @@ from vtlib.td import LEAST_KAPPA, td_gradients
 
 @frozen
 class Settings:
-    """Parameters of variational transfer, named as in the thesis (appendix A).
-
-    Raises ValueError for a value outside its range.
-    """
+    """Parameters of variational transfer, as in appendix A; ValueError for one out of range."""
 
     transfers: ClassVar[bool] = True
 
@@ -113,17 +109,15 @@ class Settings:
 class VariationalTransfer:
     """Algorithm 1 for R runs in lock-step: ``act``, then ``learn`` from the transition.
 
-    sources: (R, S, d), the S source weights of each run; the posterior and its gradients live on
-    their device, observations and actions on the processor. rng gives the streams "posterior"
-    (samples), "component" (which one acts) and "replay" (minibatches). ``mu`` (R, C, d) are the
-    posterior's means. Raises ValueError when sources are missing, not finite, not float32 or not of
-    the Q-function's shape.
+    sources: (R, S, d); the posterior and its gradients live on their device, observations and
+    actions on the processor. rng gives the streams "posterior" (samples), "component" (which one
+    acts) and "replay" (minibatches). Raises ValueError when sources are missing, not finite, not
+    float32 or not of the Q-function's shape.
     """
 
     def __init__(
         self, q: QFunction, sources: Tensor, obs_dim: int, settings: Settings, rng: Rng
     ) -> None:
-        check_kind("settings", settings, Settings)
         check_weights("sources", sources, "run", "source", q.d, tensor=True)
         rng.check_rows(len(sources))
         s, sources = settings, sources.detach()
@@ -153,7 +147,7 @@ class VariationalTransfer:
 
     @property
     def scale_tril(self) -> Tensor:
-        """The posterior's Cholesky factors, (R, C, d, d)."""
+        """The posterior's Cholesky factors (R, C, d, d)."""
         return self._posterior.scale_tril
 
     @property

@@ -37,11 +37,7 @@ DIVERGED = 10.0  # how many times as large as most sources' the weights of a sou
 
 @frozen
 class Trust:
-    """Parameters of the method, the same for every task.
-
-    components, updates, gamma: those of the posterior that learns. Raises ValueError for a value
-    outside its range.
-    """
+    """Parameters of the posterior that learns; ValueError for a value outside its range."""
 
     transfers: ClassVar[bool] = True
 
@@ -75,8 +71,7 @@ class Trust:
 def sound(sources: Tensor) -> Tensor:
     """Which sources (S, d) are sound (S,): not so much larger than most that learning diverged.
 
-    One such source would set the unit of all weights, and the mean that learning starts from. The
-    largest of a sound pool was four times as large as the median.
+    One such source would set the unit of all weights, and the mean that learning starts from.
     """
     size = sources.square().mean(1).sqrt()
     return size <= DIVERGED * size.quantile(0.5)
@@ -85,8 +80,7 @@ def sound(sources: Tensor) -> Tensor:
 class Trusting:
     """An agent of R runs that plays sources (R, S, d), or what it learns from all steps.
 
-    ``records`` tell what each run has seen, and so why it acts as it does. ``random`` is the share
-    of random actions while what was learned is lost.
+    ``records`` tell what each run has seen; ``random`` is the share of random actions while lost.
     """
 
     def __init__(
@@ -115,13 +109,8 @@ class Trusting:
     def mu(self) -> Tensor:
         """Weights (R, C, d) of what leads at present: the posterior's means, or a source."""
         mu = self.learned.mu.cpu()
-        source = self.best_source.expand_as(mu)
-        return torch.where(self.source_leads.view(-1, 1, 1), source, mu)
-
-    @property
-    def source_leads(self) -> Tensor:
-        """Whether the best source plays at present (R,), or what was learned."""
-        return torch.tensor([record.source_leads for record in self.records])
+        leads = torch.tensor([record.source_leads for record in self.records])
+        return torch.where(leads.view(-1, 1, 1), self.best_source.expand_as(mu), mu)
 
     @property
     def improved(self) -> Tensor:

@@ -2,8 +2,7 @@
 
 Weights are measured in units of the sources, u, the root of their mean square. The squared TD error
 is divided by its largest curvature, eta (``vtlib.stability``), which the agent takes from what it
-remembers. In these units the prior, the weight of the divergence and the step on L are the same for
-every task: the step is a share of the largest that is safe.
+remembers.
 """
 
 from __future__ import annotations
@@ -31,8 +30,7 @@ class InUnits(VariationalTransfer):
 
     settings are in these units; updates are the gradient steps for each step of the environment.
     eta is measured at the first component's mean when 64, 128, 256, ... transitions are remembered,
-    and never falls. Raises ValueError for sources that are missing, not finite, all zero, not
-    float32 or not of the Q-function's shape.
+    and never falls. Raises as ``VariationalTransfer``, and ValueError for sources all zero.
     """
 
     def __init__(
@@ -48,9 +46,7 @@ class InUnits(VariationalTransfer):
         sources = sources.detach()
         self._unit = sources.square().mean((1, 2), keepdim=True).sqrt()
         if not bool(((self._unit > 0) & self._unit.isfinite()).all()):
-            raise ValueError(
-                "sources must be neither all zero nor huge: weights are scaled by them"
-            )
+            raise ValueError("sources must be neither all zero nor huge: they are the unit")
         self._eta, self._places = torch.zeros_like(self._unit), rng.stream("curvature")
         self._updates = updates
         super().__init__(q, sources / self._unit, obs_dim, settings, rng)

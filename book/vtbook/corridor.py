@@ -32,10 +32,6 @@ class Belief:
     mean: np.ndarray
     covariance: np.ndarray
 
-    def draw(self, rng: np.random.Generator) -> np.ndarray:
-        """One value function (10,)."""
-        return rng.multivariate_normal(self.mean, self.covariance, method="cholesky")
-
 
 def values(treasure: int) -> np.ndarray:
     """The optimal values (10,): 1 at the treasure, discounted once for each step to it."""
@@ -83,10 +79,10 @@ def posterior(before: Belief, seen: Sequence[int]) -> Belief:
     return Belief(mean, covariance)
 
 
-def storyboard(seed: int = 1) -> Figure:
+def storyboard() -> Figure:
     """Four pictures of one round: the prior, a draw, the walk that it leads to, the posterior."""
-    before = prior()
-    drawn = before.draw(np.random.default_rng(seed))
+    before, rng = prior(), np.random.default_rng(1)
+    drawn = rng.multivariate_normal(before.mean, before.covariance, method="cholesky")
     cells = walk(drawn)
     with look():
         figure = BookFigure(figsize=(7.6, 5.2), layout="constrained")

@@ -2,7 +2,7 @@
 
 import zlib
 from base64 import b64encode
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -10,14 +10,12 @@ import torch
 from torch import Tensor
 
 from vtbook.browser_panel import panel
-from vtbook.credible_intervals import posterior_samples
 from vtbook.maze_run import STARTS, maze_of, six_walks
 from vtbook.plots import COLOURS
-from vtlab.envs.base import TaskBatch
+from vtbook.probes import Probe
 from vtlab.envs.maze import Mazes
 from vtlab.experiment import Experiment
 from vtlab.run import chosen_sources
-from vtlib.rng import Rng
 from vtlib.training import Agent
 from vtlib.transfer import VariationalTransfer
 
@@ -25,40 +23,23 @@ PER_METRE = 25  # places are told in so many steps of each metre, headings in 25
 STATES = Mazes.horizon + 1
 
 
-class WalksProbe:
+class WalksProbe(Probe):
     """At each look six walks of the greedy policy, and six of draws from a posterior.
 
     The ``arrays`` are "walks" (R, T, 1 or 2, 6, 101, 3) uint8: x, y and heading along each walk,
     whose last state is repeated. Robots share a mixture's components evenly.
     """
 
-    def __init__(
-        self, experiment: Experiment, label: str, runs: Sequence[int], tasks: TaskBatch
-    ) -> None:
-        self._experiment = experiment
-        self._noise = Rng(experiment.stream, runs).stream("probe samples")
-        self._noted: list[np.ndarray] = []
-
-    def look(self, agent: Agent) -> None:
-        """Note where the agent's robots go now."""
+    def _note(self, agent: Agent) -> dict[str, Tensor]:
         mu = agent.mu.detach()
-        runs, components, d = mu.shape
-        robots = torch.arange(STARTS)
+        components, robots = mu.shape[1], torch.arange(STARTS)
         drivers = [mu[:, robots % components]]
         if isinstance(agent, VariationalTransfer):
-            noise = self._noise.normal(components * STARTS * d)
-            noise = noise.view(runs, components, STARTS, d)
-            drawn = posterior_samples(mu, agent.scale_tril, noise)
+            drawn = self._samples(agent, STARTS)
             drivers.append(drawn[:, robots % components * STARTS + robots])
         modes = torch.stack(drivers, 1)
-        self._noted.append(
-            np.stack([[driven(self._experiment, w) for w in each] for each in modes])
-        )
-
-    @property
-    def arrays(self) -> dict[str, np.ndarray]:
-        """The walks at all looks."""
-        return {"walks": np.stack(self._noted, 1)}
+        walks = [[driven(self._experiment, w) for w in each] for each in modes]
+        return {"walks": torch.from_numpy(np.array(walks))}
 
 
 def driven(experiment: Experiment, weights: Tensor) -> np.ndarray:

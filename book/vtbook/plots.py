@@ -191,7 +191,6 @@ def learning_figure(
     panels: Mapping[str, list[Curve]],
     optimum: float,
     limits: tuple[float, float],
-    title: str = "",
     width: float = 7.6,
 ) -> BookFigure:
     """Panels side by side, such as learning and greedy return, with one legend below."""
@@ -213,8 +212,6 @@ def learning_figure(
         legend.remove()
         columns = min(columns - 1, most)
         legend = place(ncols=columns)
-    if title:
-        axes[0].set_title(f"{title}\n{axes[0].get_title(loc='left')}")
     return figure
 
 
@@ -233,7 +230,6 @@ def returns_figure(
     runs: Mapping[str, Dataset],
     limits: tuple[float, float],
     kinds: Mapping[str, str] = KINDS,
-    title: str = "",
     width: float = 7.6,
 ) -> BookFigure:
     """Returns {algorithm: stored ones} with the mean optimum dashed; limits of their axis.
@@ -241,7 +237,7 @@ def returns_figure(
     width: in inches.
     """
     with look():
-        return learning_figure(panels(runs, kinds), mean_optimum(runs), limits, title, width)
+        return learning_figure(panels(runs, kinds), mean_optimum(runs), limits, width)
 
 
 def draw_over_published(

@@ -2,6 +2,7 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import torch
@@ -28,22 +29,19 @@ class Probe(ABC):
     def __init__(
         self, experiment: Experiment, label: str, runs: Sequence[int], tasks: TaskBatch
     ) -> None:
-        # the experiments name their probes, so neither can begin by importing the other
-        from vtbook.experiments.protocols import transfer_settings
-
         rng = Rng(experiment.stream, runs)
-        self._q, self._settings = experiment.family.q(), transfer_settings(experiment, label)
+        self._experiment, self._q = experiment, experiment.family.q()
+        self._settings: Any = experiment.algorithms[label]
         self._count, self._places = experiment.probes, rng.stream("probes")
         self._noise = rng.stream("probe samples")
         self._noted: list[dict[str, Tensor]] = []
 
     def look(self, agent: Agent) -> None:
         """Note what the agent is like now."""
-        assert isinstance(agent, VariationalTransfer)
         self._noted.append(self._note(agent))
 
     @abstractmethod
-    def _note(self, agent: VariationalTransfer) -> dict[str, Tensor]:
+    def _note(self, agent: Any) -> dict[str, Tensor]:
         """What is to be stored of the agent now."""
 
     def _samples(self, agent: VariationalTransfer, count: int) -> Tensor:

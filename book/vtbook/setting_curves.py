@@ -17,7 +17,7 @@ LONG = re.compile(r"-?\d+\.\d{3,}")
 
 
 class Frame:
-    """A figure of returns whose last curve and first title's line each picture draws for itself.
+    """A figure of returns whose last curve, and a line above its title, each picture draws itself.
 
     name: that no other frame of the page has. ``symbol`` is the HTML that has to stand once on the
     page of the pictures.
@@ -25,6 +25,8 @@ class Frame:
 
     def __init__(self, figure: BookFigure, name: str, label: str) -> None:
         (ax,) = figure.axes
+        title = ax.get_title(loc="left")
+        ax.set_title(f"λ\n{title}", loc="left")  # with room for a picture's own line
         drawn(figure)  # which lays it out
         figure.set_layout_engine("none")
         own: Any = ax.collections[-1], ax.lines[len(ax.collections) - 1], ax.lines[-1]
@@ -36,15 +38,14 @@ class Frame:
         box: Bbox = ax.get_window_extent()
         self._corner = box.x0 * self._scale, self._height - box.y1 * self._scale - 6
         self._name, self._label = name, label
-        title = ax.get_title(loc="left")
         for part in own:
             part.set_visible(False)
-        ax.set_title(title.partition("\n")[2] or title, loc="left")
+        ax.set_title(title, loc="left")
         self.symbol = self._drawn(figure)
 
-    def picture(self, runs: Dataset, kind: str, title: str, alt: str) -> str:
-        """The figure with the returns of some runs for its last curve, as inline SVG."""
-        at, values = runs.iteration.values, runs[kind].values
+    def picture(self, runs: Dataset, title: str, alt: str) -> str:
+        """The figure with the learning returns of some runs for its last curve, as inline SVG."""
+        at, values = runs.iteration.values, runs.learning.values
         band, colour = mean_interval(values), COLOURS[self._label]
         high, low = self._points(at, band.high), self._points(at, band.low)
         dash = STYLES.get(self._label, ())

@@ -97,7 +97,7 @@ def setting_frame(
     runs = {label: first_runs(x, mine.stored) for label, x in references.items()}
     runs[posterior] = mine.stored
     with look():
-        figure = returns_figure(runs, limits, LEARNING, "λ", NARROW)
+        figure = returns_figure(runs, limits, LEARNING, NARROW)
         return Frame(figure, name, posterior)
 
 
@@ -107,7 +107,7 @@ def setting_picture(frame: Frame, mine: Runs, setting: Setting) -> str:
     end = float(stored.learning[:, -1].mean())
     alt = f"Learning return with lambda = {lambda_:.0e}, psi = {psi:g}, {posterior}; "
     title = f"λ = {power_of_ten(lambda_)}, ψ = {psi:g}, {posterior}"
-    return frame.picture(stored, "learning", title, f"{alt}final learning return {end:.2f}.")
+    return frame.picture(stored, title, f"{alt}final learning return {end:.2f}.")
 
 
 def first_runs(runs: Dataset, other: Dataset) -> Dataset:

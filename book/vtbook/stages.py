@@ -9,13 +9,7 @@ from attrs import evolve, field, frozen
 from vtbook.experiments.cartpole import CARTPOLE, CARTPOLE_NOTHING
 from vtbook.experiments.mountain_car import CAR, CAR_NOTHING
 from vtbook.experiments.protocols import FROM_MEAN, transfer_settings
-from vtbook.experiments.rooms import (
-    NT,
-    NT_GREEDY,
-    PUBLISHED_GVT,
-    PUBLISHED_MGVT,
-    ROOMS_EVALUATION,
-)
+from vtbook.experiments.rooms import ROOMS_EVALUATION
 from vtlab.experiment import Algorithm, Experiment
 from vtlib.baselines import FineTuning, MellowTDSettings
 from vtlib.transfer import Settings
@@ -64,10 +58,11 @@ MELLOW = (
 )
 
 
-def _with_networks(published: Experiment, nothing: Experiment, **fields: Any) -> Stage:
-    """The stage of an experiment whose sources are networks; fine-tuning hardly explores."""
+def _stage(published: Experiment, nothing: Experiment, **fields: Any) -> Stage:
+    """The stage of an experiment and of one with NT, by default one that is driven."""
     learner = nothing.algorithms["NT"]
     assert isinstance(learner, MellowTDSettings)
+    # fine-tuning hardly explores
     algorithms: dict[str, Method] = {
         "MGVT": transfer_settings(published, "1-MGVT"),
         "GVT": transfer_settings(published, "GVT"),
@@ -75,20 +70,14 @@ def _with_networks(published: Experiment, nothing: Experiment, **fields: Any) ->
         "NT": learner,
         "fine": evolve(learner, epsilon_start=learner.epsilon_end),
     }
-    template, changes = "stage_drive.html", "the task changes"
-    return Stage(algorithms, published, template=template, changes=changes, note=MELLOW, **fields)
+    driven = {"template": "stage_drive.html", "changes": "the task changes", "note": MELLOW}
+    return Stage(algorithms, published, **driven | fields)
 
 
 # As published, where the thesis' figures begin.
 STAGES = {
-    "rooms": Stage(
-        {
-            "MGVT": PUBLISHED_MGVT,
-            "GVT": PUBLISHED_GVT,
-            "Trust": Trust(),
-            "NT": NT,
-            "fine": NT_GREEDY,
-        },
+    "rooms": _stage(
+        ROOMS_EVALUATION,
         ROOMS_EVALUATION,
         scripts=("stage_rooms.js",),
         template="stage_rooms.html",
@@ -101,8 +90,9 @@ STAGES = {
         numbers=(Number("Lower door", 0.5, 9.5, 0.1), Number("Upper door", 0.5, 9.5, 0.1)),
         weights=np.int8,
         workers=("stage_rooms_worker.js",),
+        note="",
     ),
-    "cartpole": _with_networks(
+    "cartpole": _stage(
         CARTPOLE,
         CARTPOLE_NOTHING,
         scripts=("stage_drive.js", "stage_cartpole.js"),
@@ -123,7 +113,7 @@ STAGES = {
             "at half speed.",
         },
     ),
-    "mountain_car": _with_networks(
+    "mountain_car": _stage(
         CAR,
         CAR_NOTHING,
         scripts=("stage_drive.js", "stage_mountain_car.js"),

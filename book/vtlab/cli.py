@@ -117,19 +117,16 @@ def _verify(options: argparse.Namespace) -> int:
         raise ValueError(f"--quick must not be asked of {', '.join(whole)}, which has no heads")
     experiments = _experiments(name for name in names if name not in checks())
     store.check_readable(root)
-    rng, bad = None if options.whole or options.quick else _drawing(options), 0
+    rng, bad = None, 0
+    if not (options.whole or options.quick):
+        seed = secrets.randbits(32) if options.seed is None else options.seed
+        print(f"one run of each result, drawn with --seed {seed}", flush=True)
+        rng = np.random.default_rng(seed)
     for owner, label, verdict in verify(*experiments, root=root, rng=rng, quick=options.quick):
         print(f"{owner.name}/{label}: {verdict.said}", flush=True)
         bad += not verdict.same
     bad += sum(checks()[name](root, rng) for name in names if name in checks())
     return 1 if bad else 0
-
-
-def _drawing(options: argparse.Namespace) -> np.random.Generator:
-    """What draws a run of each result; its seed is printed, to draw the same runs again."""
-    seed = secrets.randbits(32) if options.seed is None else options.seed
-    print(f"one run of each result, drawn with --seed {seed}", flush=True)
-    return np.random.default_rng(seed)
 
 
 def _reproduce(options: argparse.Namespace) -> int:

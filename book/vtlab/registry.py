@@ -14,11 +14,7 @@ from vtlib.checks import shown
 
 @functools.cache
 def installed() -> Mapping[str, Mapping[str, Experiment]]:
-    """Collections of experiments, by name, that installed packages offer.
-
-    A package offers one by an entry point of the group "vtlab.experiments": a mapping from names
-    to experiments.
-    """
+    """Collections of experiments, each a mapping, which packages offer as "vtlab.experiments"."""
     return {entry.name: entry.load() for entry in entry_points(group="vtlab.experiments")}
 
 
@@ -39,7 +35,7 @@ def named(name: str) -> list[Experiment]:
 
 @functools.cache
 def checks() -> Mapping[str, Callable[[Path, np.random.Generator | None], int]]:
-    """Checks that `verify` calls, too, by name, which packages offer in the group "vtlab.checks".
+    """Checks that `verify` calls, too, by name, which packages offer as "vtlab.checks".
 
     Each counts the results in a folder that are wrong, among all or among those a generator draws.
     """

@@ -8,7 +8,7 @@ from pathlib import Path
 from attrs import evolve, frozen
 
 from vtlab import store
-from vtlab.experiment import Experiment, Pool
+from vtlab.experiment import Experiment
 from vtlab.schedule import complete
 from vtlab.verify import Verdict, compare, count_of
 
@@ -44,28 +44,22 @@ def reproduce(
             store.check_note(path, store.read(path)[1], owner, label)
     first = {e.name: e if runs is None else first_runs(e, runs) for e in experiments}
     complete(list(first.values()), fresh, executor, device)
-    return [
-        _compared(owner, first.get(owner.name, owner), label, root, fresh)
-        for owner, label in results
-    ]
+    comparisons = []
+    for owner, label in results:
+        new = first.get(owner.name, owner)
+        arrays, note = store.stored(new, label, fresh)
+        verdict = Verdict(True, "nothing stored to compare with")
+        if store.exists(store.path_of(owner, label, root)):
+            old = store.stored(owner, label, root)
+            verdict = compare(owner, *old, arrays, range(count_of(new)), note["machine"])
+        comparisons.append(Comparison(owner.name, label, note["seconds"], verdict))
+    return comparisons
 
 
 def first_runs(experiment: Experiment, runs: int) -> Experiment:
     """The experiment with its first runs alone, and with all runs of the tasks that these have."""
     whole = ceil(runs / experiment.runs_per_task) * experiment.runs_per_task
     return evolve(experiment, runs=min(whole, experiment.runs))
-
-
-def _compared(
-    owner: Pool | Experiment, new: Pool | Experiment, label: str, root: Path, fresh: Path
-) -> Comparison:
-    """A result stored under root against the one that ``new``, the first runs, left in fresh."""
-    arrays, note = store.stored(new, label, fresh)
-    verdict = Verdict(True, "nothing stored to compare with")
-    if store.exists(store.path_of(owner, label, root)):
-        old = store.stored(owner, label, root)
-        verdict = compare(owner, *old, arrays, range(count_of(new)), note["machine"])
-    return Comparison(owner.name, label, note["seconds"], verdict)
 
 
 def report(comparisons: Sequence[Comparison]) -> list[str]:

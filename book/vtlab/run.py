@@ -96,8 +96,8 @@ def run_batch(
     """
     names = [f"run {run} of {experiment.name}, {label}" for run in runs]
     arguments = experiment.iterations, experiment.every, names, progress
-    natively = device == "cpu" and by_kernels(experiment, label)
-    if natively and (native := prepare_natively(experiment, label, runs, weights)):
+    native = prepare_natively(experiment, label, runs, weights) if device == "cpu" else None
+    if native is not None:
         records = train_natively(native, _evaluation(experiment, runs), *arguments, threads)
     else:
         batch, probe = prepare(experiment, label, runs, weights, device), None
@@ -121,9 +121,9 @@ def prepare_natively(
     experiment: Experiment, label: str, runs: Sequence[int], weights: np.ndarray
 ) -> list[NativeRun] | None:
     """Some runs of an algorithm in C++; None where the kernels cannot run it."""
-    family, algorithm, stream = experiment.family, experiment.algorithms[label], experiment.stream
-    if not supports(family, algorithm, experiment.sources_of(label)):
+    if not by_kernels(experiment, label):
         return None
+    family, algorithm, stream = experiment.family, experiment.algorithms[label], experiment.stream
     tasks, start = targets(experiment, runs), _start(experiment, label, runs, weights)
     return [
         NativeRun(family, tasks, row, algorithm, start[row], stream, run)

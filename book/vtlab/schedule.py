@@ -26,14 +26,6 @@ def keep(unit: Unit, arrays: store.Arrays, note: store.Note, root: Path) -> None
     join_finished((u for u in units_of(unit.owner) if u.result == unit.result), root)
 
 
-def check(units: Iterable[Unit], root: Path) -> None:
-    """Raise TornResult where a unit's stored result or part is damaged or not the unit's."""
-    places = {path: unit for unit in units for path in (root / unit.result, root / unit.part)}
-    for path, unit in places.items():
-        if store.exists(path):
-            store.check_note(path, store.read(path)[1], unit.owner, unit.label)
-
-
 def join_finished(units: Iterable[Unit], root: Path) -> None:
     """Join the parts of every result whose units are all finished into one stored result."""
     for result, siblings in groupby(units, lambda unit: unit.result):
@@ -67,7 +59,10 @@ def complete(
     units = [unit for owner in owners for unit in units_of(owner)]
     if len({u.part for u in units}) < len(units):
         raise ValueError("experiments and pools must have names of their own")
-    check(units, root)
+    places = {path: unit for unit in units for path in (root / unit.result, root / unit.part)}
+    for path, unit in places.items():
+        if store.exists(path):
+            store.check_note(path, store.read(path)[1], unit.owner, unit.label)
     join_finished(units, root)
     missing = [u for u in units if not any(store.exists(root / x) for x in (u.result, u.part))]
     if missing:

@@ -70,15 +70,14 @@ def save(path: Path, arrays: Arrays, provenance: Note) -> None:
         if same_arrays(read(path)[0], arrays):
             return
         raise FileExistsError(f"{path} holds another result: move it away before computing anew")
-    json.dumps(provenance)
     buffer = io.BytesIO()
     # NumPy's types know only the options among the names
     np.savez_compressed(buffer, **arrays)  # type: ignore[arg-type]
     data = buffer.getvalue()
     note = {**provenance, "sha256": hashlib.sha256(data).hexdigest()}
+    text = json.dumps(note, indent=1, sort_keys=True) + "\n"
     path.parent.mkdir(parents=True, exist_ok=True)
     write_bytes(path.with_name(path.name + ".npz"), data)
-    text = json.dumps(note, indent=1, sort_keys=True) + "\n"
     write_bytes(path.with_name(path.name + ".json"), text.encode())
 
 
@@ -257,11 +256,10 @@ def load(owner: Pool | Experiment, label: str, root: Path | None = None) -> xr.D
     """
     arrays, note = stored(owner, label, root)
     if isinstance(owner, Pool):
-        first, count, recorded = "source", owner.count, None
-        coordinates = {first: arrays.pop("index", np.arange(count))}
+        first, index, count, recorded = "source", "index", owner.count, None
     else:
-        first, count, recorded = "run", owner.runs, arrays.pop("iterations", None)
-        coordinates = {first: arrays.pop("run", np.arange(count))}
+        first, index, count, recorded = "run", "run", owner.runs, arrays.pop("iterations", None)
+    coordinates = {first: arrays.pop(index, np.arange(count))}
     if recorded is not None:
         coordinates["iteration"] = recorded
     variables = {}

@@ -190,24 +190,6 @@ def test_a_factor_that_has_grown_is_clipped(kind, column, td, clip):
     assert slow.clipped
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_samples_have_the_posteriors_moments(kind):
-    d, draws, runs = 4, 1_500, 2
-    start = Start(draw(runs, 2, d, seed=1), 0.3, 0.4 * draw(runs, d, 3, seed=2))
-    fast = kind(start, Precision(5.0), Descent(0.1, 1e-3, 1000.0), streams(runs), MOST_SAMPLES)
-    for t in range(3):
-        assert fast.sample().shape == (runs, 2, MOST_SAMPLES, d)
-        fast.step(0.5 * draw(runs, 2, 3, d, seed=t), 0.02)
-        fast.mu.add_(0.1)
-    x = torch.cat([fast.sample() for _ in range(draws)], 2) - fast.mu.unsqueeze(2)
-    white = torch.linalg.solve_triangular(fast.scale_tril, x.mT, upper=False).double()
-    # standard normal: errors of 1 / sqrt(n) and of sqrt(2 / n), five of each
-    count = draws * MOST_SAMPLES
-    assert white.mean(-1).abs().max() < 5 / count**0.5
-    covariance = white @ white.mT / count
-    assert (covariance - torch.eye(d)).abs().max() < 5 * (2 / count) ** 0.5
-
-
 def both(kind, d, samples, descent, members=(1, 1)) -> tuple[Fused | Blocked, Dense]:
     runs, precision = members[0], Precision(5.0)
     if members[1] == 1 and (kind is Fused or descent.kl == "diagonal"):
@@ -317,8 +299,8 @@ def test_a_large_covariance_is_diagonal_moves_calmly_and_says_so(caplog):
     start = Start(torch.zeros(2, 1, LARGE), 1.0)
     large = COVARIANCES["full"](start, Precision(1.0), Descent(0.1, 1e-4), stream, 2)
     assert (type(large), large._alpha) == (Diagonal, CALM)
-    said = "2,000 weights would take 0.0 GB as full covariances: they are diagonal"
-    assert [x.getMessage()[: len(said)] for x in caplog.records] == [said]
+    said = "covariances of 2000 weights are diagonal; 'dense' keeps them full"
+    assert [x.getMessage() for x in caplog.records] == [said]
 
 
 @pytest.mark.parametrize(("alpha", "told"), [(0.1, ["alpha_L = 0.1"]), (CALM, [])])

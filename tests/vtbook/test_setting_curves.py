@@ -25,13 +25,13 @@ def runs(level):
 def frame():
     with look():
         shown = {"NT": runs(0.2), "2-MGVT": runs(0.5)}
-        figure = returns_figure(shown, LIMITS, {"learning return": "learning"}, "a", 4.1)
+        figure = returns_figure(shown, LIMITS, {"learning return": "learning"}, 4.1)
         return Frame(figure, "a-frame", "2-MGVT")
 
 
 def test_a_picture_has_its_curve_where_the_axes_of_its_frame_say(frame):
     stored = runs(0.4)
-    svg = ElementTree.fromstring(frame.picture(stored, "learning", "λ < 1", "its words"))
+    svg = ElementTree.fromstring(frame.picture(stored, "λ < 1", "its words"))
     assert svg.attrib["aria-label"] == "its words"
     assert (svg.find("text").text, svg.find("use").attrib["href"]) == ("λ < 1", "#a-frame")
     band, line, dots = svg.findall("path")

@@ -13,7 +13,6 @@ from attrs import evolve
 from vtbook.experiments import EXPERIMENTS, THESIS
 from vtlab import cli, registry, run, schedule, store
 from vtlab.registry import installed
-from vtlib import files
 
 RESULTS = ("tiny-pool/sources", "tiny/tasks", "tiny/NT", "tiny/GVT")
 
@@ -170,33 +169,22 @@ def test_a_folder_that_cannot_take_results_is_named_at_once(capsys, tmp_path, mo
     assert line == f"vtlab: results cannot be written to {tmp_path / 'new'}: Permission denied"
 
 
-def test_a_disk_that_is_full_loses_nothing_that_is_stored(stored, capsys, monkeypatch):
-    for name in ("tiny/NT", "tiny/GVT"):
-        store.remove(stored / name)
-    before, flush = {p: p.read_bytes() for p in stored.rglob("*.*")}, files.os.fsync
-    room = iter(range(2))  # files that still find room: those of the first part
-
-    def fsync(handle):
-        if next(room, None) is None:
-            raise OSError(28, "No space left on device")
-        flush(handle)
-
-    monkeypatch.setattr(files.os, "fsync", fsync)
-    line = refused(capsys, "run", "tiny", "--results", stored)
-    assert line.startswith("vtlab: [Errno 28] No space left on device: ")
-    assert line.endswith("; once that is mended the same command goes on")
-    kept = {p: p.read_bytes() for p in stored.rglob("*.*")}
-    assert len(kept.items() - before.items()) == 2
-    assert before.items() <= kept.items()
-    monkeypatch.setattr(files.os, "fsync", flush)
-    assert main("run", "tiny", "--results", stored) == 0
-    assert main("verify", "tiny", "--quick", "--results", stored) == 0
+FULL = "[Errno 28] No space left on device"
 
 
-def test_killed_workers_and_a_device_that_is_not_there_end_a_command(capsys, monkeypatch):
-    monkeypatch.setattr(cli, "complete", Mock(side_effect=BrokenExecutor))
-    line = refused(capsys, "run", "tiny")
-    assert line == "vtlab: workers were killed; the same command goes on from here"
+@pytest.mark.parametrize(
+    ("error", "line"),
+    [
+        (BrokenExecutor(), "workers were killed; the same command goes on from here"),
+        (OSError(28, FULL[11:]), f"{FULL}; once that is mended the same command goes on"),
+    ],
+)
+def test_killed_workers_and_a_full_disk_end_a_command(capsys, monkeypatch, error, line):
+    monkeypatch.setattr(cli, "complete", Mock(side_effect=error))
+    assert refused(capsys, "run", "tiny") == f"vtlab: {line}"
+
+
+def test_a_device_that_is_not_there_ends_a_command(capsys, monkeypatch):
     monkeypatch.setattr(torch.cuda, "device_count", lambda: 2)
     for command in (["run", "tiny"], ["reproduce"]):
         line = refused(capsys, *command, "--device", "cuda:2")

@@ -27,10 +27,7 @@ def level(source: Path = POSTERIOR) -> str | None:
 
 @functools.cache
 def kernels(source: Path = POSTERIOR) -> Any:
-    """A source's library of that level, compiled now if need be; None where that cannot be.
-
-    One line of the log says once why torch computes instead.
-    """
+    """A source's library of that level, compiled now if need be; None where that cannot be."""
     if level(source) is None:
         if importlib.util.find_spec("ziglang") is not None:
             LOGGER.warning("compiling the loops in C++ for this machine, once: some minutes")

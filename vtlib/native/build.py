@@ -26,18 +26,15 @@ SYSTEMS = {"Linux": ("linux-gnu", "so"), "Darwin": ("macos", "dylib")}
 def library(source: Path, level: str) -> Path:
     """Where a source's library for processors of a level is, or will be.
 
-    Its name has a digest of what it is made of, so that a library of older sources is never loaded.
+    Its name has a digest of the C++ beside the source, and this folder's, and the flags, so that a
+    library of older sources is never loaded.
     """
     _, suffix = SYSTEMS.get(platform.system(), ("", ""))
-    return source.parent / "lib" / f"{source.stem}-{level}-{digest(source)}.{suffix}"
-
-
-def digest(source: Path) -> str:
-    """Twelve hexadecimal digits for the C++ beside a source, and this folder's, and the flags."""
     beside = {path for folder in (HERE, source.parent) for path in folder.iterdir()}
     files = sorted(path for path in beside if path.suffix in (".cpp", ".h"))
     content = b"".join(path.name.encode() + path.read_bytes() for path in files)
-    return hashlib.sha256(repr((FLAGS, WIDE)).encode() + content).hexdigest()[:12]
+    digest = hashlib.sha256(repr((FLAGS, WIDE)).encode() + content).hexdigest()[:12]
+    return source.parent / "lib" / f"{source.stem}-{level}-{digest}.{suffix}"
 
 
 def compile_library(source: Path) -> list[Path]:
@@ -54,16 +51,12 @@ def compile_library(source: Path) -> list[Path]:
             if not path.exists():
                 compile_source(source, path, target, level, flags)
     except (KeyError, OSError, subprocess.SubprocessError) as error:
-        raise RuntimeError(f"the kernels cannot be compiled here: {last_error(error)}") from error
+        lines = str(getattr(error, "stderr", None) or error).strip().splitlines()
+        last = ([line for line in lines if "error:" in line] or lines or [repr(error)])[-1]
+        raise RuntimeError(f"the kernels cannot be compiled here: {last}") from error
     for path in set(made[0].parent.glob(f"{source.stem}-*")).difference(made):
         path.unlink(missing_ok=True)  # of older sources
     return made
-
-
-def last_error(error: Exception) -> str:
-    """The last error that a compiler has named, or else what went wrong in starting it."""
-    lines = str(getattr(error, "stderr", None) or error).strip().splitlines()
-    return ([line for line in lines if "error:" in line] or lines or [repr(error)])[-1]
 
 
 def compile_source(

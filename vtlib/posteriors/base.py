@@ -11,12 +11,7 @@ from vtlib.rng import Stream
 
 
 class Descent(NamedTuple):
-    """Plain gradient descent on L: its step size alpha, and what bounds gradients and diagonals.
-
-    clip bounds each entry of the gradient and kl_clip, before it is weighted, each of the
-    divergence's; None leaves them as they are. sigma_min is the least value on the diagonal of L.
-    kl is "full", or "diagonal" when the divergence is felt by diag(L) alone.
-    """
+    """How L descends: alpha_L, sigma_min, clip, kl and kl_clip of ``vtlib.transfer.Settings``."""
 
     alpha: float
     sigma_min: float
@@ -29,9 +24,7 @@ class Posterior(ABC):
     """C Gaussians for each of R runs, which sample w = mu + L z (eq. 5.10).
 
     mu (R, C, d) are their means, which the engine moves; L are M = R C lower-triangular factors.
-    The gradient of the expected squared TD error with respect to L is the mean of g z^T over
-    samples (eq. 5.11), with g the gradient at a sample. It begins at a start, pulled by the prior's
-    precision; n_samples are drawn at a time.
+    It begins at a start, pulled by the prior's precision; n_samples are drawn at a time.
     """
 
     def __init__(
@@ -64,8 +57,7 @@ class Posterior(ABC):
     def step(self, gradients: Tensor, kl_weight: float) -> None:
         """One step of L on the TD error plus kl_weight times the divergence.
 
-        gradients: (R, C, n, d), of the TD error at the last n of the weights sampled last,
-        each divided by their number.
+        gradients: (R, C, n, d), of the TD error at the last n weights sampled, each divided by n.
         """
         count = gradients.shape[2]
         self._descend(gradients.flatten(0, 1), self._z[:, -count:], kl_weight)

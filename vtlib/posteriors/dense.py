@@ -40,10 +40,7 @@ class Dense(Posterior):
 
 
 def start_factors(start: Start, sigma_min: float) -> Tensor:
-    """Cholesky factors (M, d, d) of the covariance of a start, for all components of all runs.
-
-    What lies below sigma_min on their diagonals is lifted to it, as after each step.
-    """
+    """Cholesky factors (M, d, d) of a start's covariance, their diagonals lifted to sigma_min."""
     runs, components, d = start.mu.shape
     if start.spread is None:
         identity: Tensor = torch.eye(d, device=start.mu.device) * start.variance**0.5

@@ -25,10 +25,7 @@ class _Descent(ctypes.Structure):
 
 
 class NativePosterior(Posterior):
-    """Lower-triangular factors of M Gaussians under plain SGD, as `Dense`, on the processor.
-
-    Of L only the lower triangle is stored.
-    """
+    """`Dense` on the processor; of L only the lower triangle is stored."""
 
     _kernel: ClassVar[str]  # what the kernel's functions are called
 

@@ -16,8 +16,6 @@ from vtbook.experiments import (
 )
 from vtlab.experiment import Experiment
 
-__all__ = ["EXPERIMENTS", "POOLS", "THESIS"]
-
 PAGES = (
     *(rooms, cartpole, mountain_car, maze),
     *(controls, prior_weight, compared, factorial, trust, trust_search),

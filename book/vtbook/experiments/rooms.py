@@ -23,8 +23,6 @@ from vtlib.transfer import Settings
 ITERATIONS = 20_000
 PUBLISHED_BUFFER = 50_000
 NT = MellowTDSettings(epsilon_steps=14_000)
-# A learner that hardly explores: what its start knows is all that it has.
-NT_GREEDY = evolve(NT, epsilon_start=NT.epsilon_end)
 GVT = Settings(family="gaussian", lambda_=1e-4)
 MGVT = Settings(family="mixture", lambda_=1e-6)
 PUBLISHED_GVT = evolve(as_published(GVT), lambda_=1e-3, buffer=PUBLISHED_BUFFER)

@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping
 
 from vtbook.claims import Claim
 from vtbook.verdicts.control import cartpole, mountain_car
-from vtbook.verdicts.mazes import OTHER_MAZES, mazes
+from vtbook.verdicts.mazes import mazes
 from vtbook.verdicts.rooms import (
     rooms_distribution_change,
     rooms_evaluation,
@@ -17,8 +17,6 @@ from vtbook.verdicts.rooms import (
     rooms_likelihood,
     rooms_number_of_sources,
 )
-
-__all__ = ["OTHER_MAZES", "PAGES"]
 
 # The pages in the book's order.
 PAGES: Mapping[str, Callable[[], list[Claim]]] = {

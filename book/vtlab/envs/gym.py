@@ -15,8 +15,8 @@ from vtlib.checks import shown
 class TasksEnv(gymnasium.Env[np.ndarray, np.int64]):
     """The only task of a batch as an environment; subclasses hold arguments, space and words.
 
-    Gymnasium's `make` truncates its episodes and sees to it that they begin with a reset. Raises
-    ValueError when an argument is out of range, as do the subclasses.
+    Gymnasium's `make` truncates its episodes and sees to it that they begin with a reset. The
+    subclasses raise ValueError when an argument is out of range.
     """
 
     metadata = gymnasium.Env.metadata | {"render_modes": ["rgb_array"]}

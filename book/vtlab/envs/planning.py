@@ -8,6 +8,8 @@ import torch
 from attrs import frozen
 from torch import Tensor
 
+# Indices and weights (B, 2^n) of the nodes around states (B, n).
+Locate = Callable[[Tensor], tuple[Tensor, Tensor]]
 CHUNK = 1024  # states that step together, few enough for the processor's cache
 
 
@@ -55,7 +57,7 @@ class GridPlan:
     """
 
     copies: Any
-    locate: Callable[[Tensor], tuple[Tensor, Tensor]]
+    locate: Locate
     noise: Tensor
     values: Tensor
 
@@ -97,7 +99,7 @@ def plan_without_noise(
     tasks: Any,
     index: int,
     nodes: Tensor,
-    locate: Callable[[Tensor], tuple[Tensor, Tensor]],
+    locate: Locate,
     sweeps: int | None,
     tolerance: float = 0.0,
 ) -> GridPlan:

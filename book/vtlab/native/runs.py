@@ -41,16 +41,8 @@ NUMBERS = (
     "epsilon_start epsilon_end weight deviation"
 )
 PLACES = ("settings", "mu", "sources", "W", "L", "observation")  # in the order of runs.cpp
+# The streams of a run, in the order of ``Random`` in algorithm.h.
 ROLES = ("posterior", "component", "replay", "noise", "start", "exploration")
-
-
-def repeated(algorithm: Any) -> tuple[Any, int]:
-    """An algorithm, and how many gradient steps it takes for each step of a task.
-
-    One that repeats another's gradient steps says so by an attribute ``repeated``.
-    """
-    found: tuple[Any, int] = getattr(algorithm, "repeated", (algorithm, 1))
-    return found
 
 
 class _Settings(ctypes.Structure):
@@ -63,12 +55,6 @@ class _Settings(ctypes.Structure):
     ]
 
 
-class _Random(ctypes.Structure):
-    """As ``Random`` in algorithm.h, in the order of ROLES."""
-
-    _fields_ = [(role, ctypes.c_void_p) for role in ROLES]
-
-
 def supports(family: TaskFamily, algorithm: Any, sources: int) -> bool:
     """Whether the kernels can run an algorithm, with so many sources, on tasks of a family."""
     library = kernels(RUNS)
@@ -76,7 +62,8 @@ def supports(family: TaskFamily, algorithm: Any, sources: int) -> bool:
         return False
     if getattr(library, f"{family.kernel}_weights")() != family.q().d:
         return False
-    algorithm, _ = repeated(algorithm)
+    # of settings that repeat another's gradient steps: those, and how often
+    algorithm, _ = getattr(algorithm, "repeated", (algorithm, 1))
     if type(algorithm) is FineTuning:
         algorithm = algorithm.learner
     # a derived class may have another agent, so only these classes themselves are supported
@@ -128,7 +115,8 @@ class NativeRun:
         name: str,
         run: int,
     ) -> None:
-        algorithm, self._updates = repeated(algorithm)
+        self._updates: int
+        algorithm, self._updates = getattr(algorithm, "repeated", (algorithm, 1))
         if isinstance(algorithm, FineTuning):
             start = algorithm.first_weights(start.unsqueeze(0))[0]
             algorithm = algorithm.learner
@@ -216,8 +204,8 @@ class NativeRun:
             count = min(AHEAD, iterations - done)
             times = dict.fromkeys(("posterior", "replay"), count * self._updates)
             numbers = [self._numbers(role, times.get(role, count)) for role in ROLES]
-            random = _Random(*(array.ctypes.data for array in numbers))
-            self._call["iterate"](self._at, count, ctypes.byref(random))
+            pointers = (ctypes.c_void_p * len(ROLES))(*(array.ctypes.data for array in numbers))
+            self._call["iterate"](self._at, count, pointers)
 
     @property
     def learning(self) -> float:
