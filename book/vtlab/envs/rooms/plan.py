@@ -23,7 +23,7 @@ def plan_rooms(
 ) -> GridPlan:
     """Optimal values of task `index` with `sweeps` steps to go, or endlessly with None.
 
-    With `kappa` the values are those of the mellow Bellman operator (eq. 5.3) instead.
+    With `kappa` the mellow Bellman operator (eq. 5.3) takes the place of the optimal one.
     """
     copies, noise = tasks.select([index] * CHUNK), gaussian_quadrature(QUADRATURE)
     nodes, locate = make_grid(tasks)
