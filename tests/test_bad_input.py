@@ -47,7 +47,7 @@ BY_KIND = [
     ("patience", [*COUNT[:-5], -1, 0.0]),
     ("ddof", [*COUNT[:-5], -1, 2, 0.5]),
     ("learner", [*WORD, Settings()]),
-    ("settings", WORD),
+    ("settings alone", WORD),
 ]
 BAD = {name: values for names, values in BY_KIND for name in names.split()}
 # what the same names mean elsewhere
@@ -57,8 +57,7 @@ OWN = {
 }
 AGENTS = [Settings("gaussian"), Settings(components=2), MellowTDSettings(5), DDQNSettings(5)]
 ALL = [*AGENTS, Trust()]
-NEIGHBOURS = [getattr(neighbours, x)() for x in neighbours.__all__ if x != "VariedTrust"]
-NEIGHBOURS.append(neighbours.VariedTrust(learner=Settings()))
+NEIGHBOURS = [getattr(neighbours, x)() for x in neighbours.__all__]
 
 
 def refused(call, *arguments, **named) -> str:

@@ -12,13 +12,14 @@ from vtbook.experiments import (
     prior_weight,
     rooms,
     trust,
+    trust_parts,
     trust_search,
 )
 from vtlab.experiment import Experiment
 
 PAGES = (
     *(rooms, cartpole, mountain_car, maze),
-    *(controls, prior_weight, compared, factorial, trust, trust_search),
+    *(controls, prior_weight, compared, factorial, trust, trust_parts, trust_search),
 )
 
 
