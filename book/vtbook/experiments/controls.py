@@ -66,7 +66,7 @@ CONTROLS = {
 }
 
 # The main contrasts with sources that another seed has drawn and solved, on the same targets.
-MAIN_CONTRASTS = ("1-MGVT", "1-MGVT, point", "GVT", FROM_MEAN)
+MAIN_CONTRASTS = ("1-MGVT", "1-MGVT, frozen", "1-MGVT, point", "GVT", FROM_MEAN)
 
 
 def with_other_sources(experiment: Experiment, runs: int) -> Experiment:

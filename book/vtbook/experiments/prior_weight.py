@@ -15,7 +15,7 @@ from vtbook.experiments.rooms import ROOMS_CHANGE, ROOMS_EVALUATION, ROOMS_LIKEL
 from vtlab.experiment import Algorithm, Experiment
 
 WEIGHTS = (1e-3, 1e-2, 0.1, 1.0, 10.0, 100.0)  # the published are .1 of 1-MGVT and 10 of GVT
-POSTERIORS = ("GVT", "1-MGVT", "point")
+POSTERIORS = ("GVT", "1-MGVT", "1-MGVT, frozen", "point")
 SETTINGS = [(posterior, weight) for posterior in POSTERIORS for weight in WEIGHTS]
 ITERATIONS = 4_000
 
@@ -28,11 +28,12 @@ def labelled(posterior: str, weight: float) -> str:
 def weighted(experiment: Experiment, runs: int, runs_per_task: int = 1) -> Experiment:
     """A page's experiment with each posterior under priors of all weights, and the start alone."""
     mixture, gaussian = (transfer_settings(experiment, label) for label in ("1-MGVT", "GVT"))
-    point = evolve(mixture, sigma_p2=POINT**2, alpha_L=FROZEN)
+    frozen = evolve(mixture, alpha_L=FROZEN)
+    point = evolve(frozen, sigma_p2=POINT**2)
     algorithms: dict[str, Algorithm] = {FROM_MEAN: experiment.algorithms[FROM_MEAN]}
     for weight in WEIGHTS:
-        bases = (gaussian, gaussian.jitter), (mixture, mixture.sigma_p2), (point, point.sigma_p2)
-        for posterior, (settings, variance) in zip(POSTERIORS, bases, strict=True):
+        for posterior, settings in zip(POSTERIORS, (gaussian, mixture, frozen, point), strict=True):
+            variance = settings.jitter if posterior == "GVT" else settings.sigma_p2
             algorithms[labelled(posterior, weight)] = evolve(settings, lambda_=weight * variance)
     return evolve(
         experiment,
