@@ -8,6 +8,7 @@ from attrs import frozen
 from vtbook.comparisons import holm, paired_p
 from vtbook.experiments.compared import mean_shares
 from vtbook.experiments.trust import LOSS, OURS, PLACES, Place
+from vtbook.experiments.trust_parts import ALONE, PARTS
 from vtbook.experiments.trust_search import SEARCH
 from vtlab.stats import Interval, difference_interval
 
@@ -65,6 +66,11 @@ def shortfalls() -> dict[str, float]:
         for label, mean in here.items():
             behind.setdefault(label, []).append(float(max(here.values()) - mean))
     return {x: max(each) for x, each in behind.items() if len(each) >= len(PLACES) - 1}
+
+
+def without_a_part(place: Place, label: str = ALONE) -> np.ndarray:
+    """What each run of a control earned (R,) where the method is judged, in the same shares."""
+    return mean_shares(PARTS[place.title], label, place.first)
 
 
 def searched(title: str) -> dict[str, Interval]:

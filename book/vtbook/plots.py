@@ -38,7 +38,7 @@ COLOURS = {
     "3-MGVT": "#009E73",
     "fine-tuned": "#6c4824",
     "fine-tuned, greedy": "#94793a",
-    "fine-tuned mean": "#165269",
+    "fine-tuned mean": "#882255",
     "trust": "#7b61ff",
 }
 PUBLISHED = "#8a8a8a"  # a published curve's band
