@@ -47,7 +47,8 @@ BY_KIND = [
     ("patience", [*COUNT[:-5], -1, 0.0]),
     ("ddof", [*COUNT[:-5], -1, 2, 0.5]),
     ("learner", [*WORD, Settings()]),
-    ("settings alone", WORD),
+    ("settings", WORD),
+    ("sources_play", [*WORD, 0, 1]),
 ]
 BAD = {name: values for names, values in BY_KIND for name in names.split()}
 # what the same names mean elsewhere

@@ -55,6 +55,18 @@ def test_what_was_learned_acts_where_promises_are_broken():
     assert len(agent.records[0].trust) == len(played)
 
 
+def test_sources_that_may_not_play_leave_every_episode_to_what_was_learned():
+    agent, actions = run(3 * LENGTH, reward=1e6, sources_play=False)  # they would keep any promise
+    assert agent.state()["played"].tolist() == RUNS * [2 * [SOURCES]]
+    g = torch.Generator().manual_seed(0)
+    first = greedy(
+        Q, sources().mean(1, keepdim=True), torch.randn(2, RUNS, FEATURES, generator=g)[0]
+    )
+    assert torch.equal(actions[0], first)
+    torch.testing.assert_close(agent.mu, agent.learned.mu)
+    assert agent.improved.all()
+
+
 def test_actions_are_random_now_and_then_where_nothing_is_earned():
     agent, _ = run(FIRST + LENGTH, reward=-1.0)
     agent.random, obs = 0.25, torch.randn(RUNS, FEATURES)

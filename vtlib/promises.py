@@ -61,6 +61,7 @@ class Record:
     """
 
     count: int = field(validator=whole())
+    sources_play: bool = True
     played: list[int] = field(factory=list)
     trust: list[float] = field(factory=list)
     gained: list[float] = field(factory=list)
@@ -76,8 +77,8 @@ class Record:
     def choose(self, begun: bool, coin: float, normal: np.ndarray) -> int:
         """The arm of the next episode, by a uniform number and normal ones (S,).
 
-        begun: whether the learned part has learned anything yet; until then only sources play.
-        Where no source keeps its promise, the learned part plays, unless a source leads by a
+        begun: whether the learned part has learned anything yet; until then only sources play, if
+        they may. Where no source keeps its promise, the learned part plays, unless one leads by a
         deviation. Once it has played for a while and is not ahead of the sources, half of the
         episodes go to them.
         """
@@ -85,7 +86,9 @@ class Record:
         self.trust.append(another)
         fresh = [j for j in range(self.count) if j not in self.tried][:1]
         hope = fresh if coin < another else []
-        if not begun:
+        if not self.sources_play:
+            arm = self.count
+        elif not begun:
             arm = self._draw(kept, hope, normal) if kept else next(iter(fresh), self.best())
         elif self._looks():
             arm = self.count
@@ -107,6 +110,8 @@ class Record:
         Sources that keep their promise are, until what was learned leads by a deviation. Others
         have to lead by a standard error.
         """
+        if not self.sources_play:
+            return False
         best = self.returns(self.best())
         if self.kept()[0]:
             return self._lead(best) >= -AHEAD
@@ -117,8 +122,10 @@ class Record:
         """Whether what was learned is clearly better than the best source, as far as returns tell.
 
         It has to lead sources that keep their promise by a deviation, others by a standard error,
-        and in at least ten episodes.
+        and in at least ten episodes. Where no source has played there is nothing else to keep.
         """
+        if not self.sources_play:
+            return True
         best = self.returns(self.best())
         margin = AHEAD * (1.0 if self.kept()[0] else self._error(best))
         return len(self.returns(self.count)) >= LEAST and self._lead(best) < -margin

@@ -16,7 +16,7 @@ import torch
 from attrs import field, frozen
 from torch import Tensor
 
-from vtlib.checks import between, whole
+from vtlib.checks import between, kind, whole
 from vtlib.promises import Record
 from vtlib.qfunctions import QFunction
 from vtlib.replay import Transition
@@ -37,13 +37,18 @@ DIVERGED = 10.0  # how many times as large as most sources' the weights of a sou
 
 @frozen
 class Trust:
-    """Parameters of the posterior that learns; ValueError for a value outside its range."""
+    """Parameters of the posterior that learns, and whether sources may play.
+
+    Raises ValueError for a value outside its range.
+    """
 
     transfers: ClassVar[bool] = True
 
     components: int = field(default=1, validator=whole())
     updates: int = field(default=8, validator=whole())
     gamma: float = field(default=0.99, validator=between(0, 1, below=True))
+    # False where they are known to fail: what is learned then plays from the first episode on
+    sources_play: bool = field(default=True, validator=kind(bool))
 
     def agent(self, q: QFunction, sources: Tensor, obs_dim: int, rng: Rng) -> Trusting:
         """An agent that transfers from sources (R, S, d)."""
@@ -90,7 +95,7 @@ class Trusting:
         runs, count, _ = sources.shape
         self.random = RANDOM
         self._q, self._sources, self._gamma = q, sources.detach().cpu(), settings.gamma
-        self.records = [Record(count) for _ in range(runs)]
+        self.records = [Record(count, settings.sources_play) for _ in range(runs)]
         self._coin, self._normal = rng.stream("hypothesis"), rng.stream("source")
         self._random, self._lost = rng.stream("random action"), torch.zeros(runs, dtype=torch.bool)
         self._rows, self._arm = torch.arange(runs), torch.full((runs,), -1)

@@ -11,15 +11,16 @@ from attrs import evolve
 
 from vtbook.experiments.controls import FROZEN, POINT
 from vtbook.experiments.trust import EIGHT, PLACES, Place
-from vtbook.neighbours import RepeatedSettings, VariedTrust
+from vtbook.neighbours import RepeatedSettings
 from vtlab.experiment import Algorithm, Experiment
+from vtlib.trust import Trust
 
 ALONE = "sources never play"
 MIXTURE, STILL, AS_POINT = (f"1-MGVT{part}{EIGHT}" for part in ("", ", frozen", ", point"))
 
 
 def _algorithms(place: Place) -> dict[str, Algorithm]:
-    parts: dict[str, Algorithm] = {ALONE: VariedTrust(alone=True)}
+    parts: dict[str, Algorithm] = {ALONE: Trust(sources_play=False)}
     mixture = place.experiment.algorithms.get(MIXTURE)
     if isinstance(mixture, RepeatedSettings):
         still = evolve(mixture.settings, alpha_L=FROZEN)

@@ -2,48 +2,31 @@
 
 from __future__ import annotations
 
-import numpy as np
 from attrs import field, frozen
 from torch import Tensor
 
 from vtlib.checks import between, kind
-from vtlib.promises import Record
 from vtlib.qfunctions import QFunction
 from vtlib.rng import Rng
 from vtlib.transfer import Settings
 from vtlib.trust import RANDOM, Trust, Trusting
 
 
-class Unled(Record):
-    """What a run has seen in which what is learned plays every episode."""
-
-    source_leads = False
-
-    def choose(self, begun: bool, coin: float, normal: np.ndarray) -> int:
-        """The arm of what is learned."""
-        self.trust.append(0.0)
-        self.played.append(self.count)
-        return self.count
-
-
 @frozen
 class VariedTrust(Trust):
     """Parameters of ``Trust`` whose posterior learns with ``learner``, in units of the sources.
 
-    random: the share of random actions while what was learned is lost. alone: whether sources never
-    play. Raises ValueError for a value outside its range.
+    random: the share of random actions while what was learned is lost. Raises ValueError for a
+    value outside its range.
     """
 
     learner: Settings = field(kw_only=True, validator=kind(Settings), default=Trust().in_units)
     random: float = field(default=RANDOM, kw_only=True, validator=between(0, 1))
-    alone: bool = field(default=False, kw_only=True, validator=kind(bool))
 
     def agent(self, q: QFunction, sources: Tensor, obs_dim: int, rng: Rng) -> Trusting:
         """An agent that transfers from sources (R, S, d)."""
         agent = super().agent(q, sources, obs_dim, rng)
         agent.random = self.random
-        if self.alone:
-            agent.records = [Unled(len(rows)) for rows in sources]
         return agent
 
     @property
