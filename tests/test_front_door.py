@@ -29,10 +29,13 @@ def calls():
     envs, sources = [gym.make("CartPole-v1")], torch.ones(2, Q.d)
     weights = torch.ones(1, 1, Q.d)
     counts = {"episodes": 1, "gamma": 0.9, "seed": 0}
-    learning = {"iterations": 1, "seed": 0, "trials": 0, "callback": None}
+    learning = {"iterations": 1, "seed": 0, "callback": None}
     pooled = {"task": "t", "learned": learned(), "env": envs[0], "run": 0}
     return [
-        (vtlib.solve, {"envs": envs, "q": Q, "settings": MellowTDSettings(1), **learning}),
+        (
+            vtlib.solve,
+            {"envs": envs, "q": Q, "settings": MellowTDSettings(1), "trials": 0, **learning},
+        ),
         (
             vtlib.transfer,
             {"envs": envs, "q": Q, "sources": sources, "settings": Trust(), **learning},
