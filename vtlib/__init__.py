@@ -4,7 +4,6 @@ from vtlib.baselines import DDQNSettings, FineTuning, MellowTDSettings
 from vtlib.gym_runs import resume, solve, transfer
 from vtlib.learned import Learned
 from vtlib.playing import evaluate, play
-from vtlib.pool import Pool
 from vtlib.qfunctions import MLP, ModuleQ
 from vtlib.transfer import Settings
 from vtlib.trust import Trust
@@ -16,7 +15,6 @@ __all__ = [
     "Learned",
     "MellowTDSettings",
     "ModuleQ",
-    "Pool",
     "Settings",
     "Trust",
     "evaluate",

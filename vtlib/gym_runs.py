@@ -133,8 +133,8 @@ def check_run(iterations: object, callback: object) -> None:
 
 def check_sources(q: QFunction, sources: Any) -> None:
     """Raise ValueError, with what would help, unless sources (S, d) are weights of a Q-function."""
-    if hasattr(type(sources), "weights"):  # what was learned or a pool, which show all they have
-        raise ValueError("sources must be a Tensor, got what has them: pass .weights")
+    if isinstance(sources, Learned):  # which would be shown with all that it has
+        raise ValueError("sources must be a Tensor, got Learned: pass .weights[:, 0] of it")
     if isinstance(sources, Tensor) and sources.dim() == 3:
         got = tuple(sources.shape)
         raise ValueError(f"sources must have shape (sources, {q.d}), got {got}: pass [:, 0] of it")
