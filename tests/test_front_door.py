@@ -40,7 +40,6 @@ def calls():
             {"envs": envs, "q": Q, "sources": sources, "settings": Trust(), **learning},
         ),
         (vtlib.evaluate, {"envs": envs, "q": Q, "weights": weights, **counts}),
-        (vtlib.play, {"envs": envs, "q": Q, "weights": weights, **counts}),
         (vtlib.resume, {"learned": learned(), "envs": envs, "iterations": 1, "callback": None}),
         (learned().predict, {"obs": np.zeros(4), "run": 0}),
         (learned().values, {"obs": np.zeros(4), "run": 0}),
@@ -58,6 +57,7 @@ GOOD = {  # what is odd elsewhere, and right here
     "settings": (None,),
     "callback": (None, len, int, Settings),
     "sizes": (PAIR,),
+    "module": [x for x in ODD if isinstance(x, torch.nn.Module)],
 }
 
 

@@ -14,7 +14,7 @@ from vtlib.baselines import DDQNSettings, FineTuning, MellowTDSettings
 from vtlib.files import TornResult
 from vtlib.gym_runs import resume, solve, transfer
 from vtlib.learned import Learned
-from vtlib.playing import clear, evaluate, play
+from vtlib.playing import clear, evaluate
 from vtlib.promises import Record
 from vtlib.qfunctions import MLP, ModuleQ
 from vtlib.transfer import Settings
@@ -262,11 +262,9 @@ def test_an_interrupt_returns_what_was_learned(learn, at, steps):
     assert learned.steps.tolist() == [steps]
 
 
-def test_play_tells_returns_undiscounted_returns_and_lengths():
-    played = play([Corridor(), Corridor(3)], Q, BOTH[[1, 1]].unsqueeze(1), 2, gamma=0.5)
-    assert played.returns.tolist() == [[1.9375] * 2, [1.75] * 2]
-    assert played.undiscounted.tolist() == [[5] * 2, [3] * 2]
-    assert played.lengths.tolist() == [[5] * 2, [3] * 2]
+def test_evaluate_discounts_the_rewards_of_whole_episodes():
+    earned = evaluate([Corridor(), Corridor(3)], Q, BOTH[[1, 1]].unsqueeze(1), 2, gamma=0.5)
+    assert earned.tolist() == [[1.9375] * 2, [1.75] * 2]
 
 
 @pytest.mark.parametrize("settings", [LEARNER, None, TRANSFER, FineTuning(LEARNER)])

@@ -74,12 +74,12 @@ def solve(
     except ValueError as error:  # learning took long, and an endless episode must not lose it
         warnings.warn(f"what was reached is not known: {error}", stacklevel=3)
         return learned
-    nothing = ~clear(reached.returns - before.returns)
+    nothing = ~clear(reached - before)
     if bool(nothing.any()):
         runs = ", ".join(map(str, nothing.nonzero().flatten().tolist()))
         fault = f"runs {runs} of solve learned nothing: greedy play earns no more than"
         warnings.warn(f"{fault} the initial weights do, which is no source", stacklevel=3)
-    return evolve(learned, reached=reached.returns)
+    return evolve(learned, reached=reached)
 
 
 @arithmetic()
