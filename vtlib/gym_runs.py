@@ -163,8 +163,8 @@ def resume(
 
     ``Trust`` goes on from its whole state, with new episodes and random numbers. Of others the
     means take the sources' place, replay memory and optimiser begin anew, and exploration goes on
-    where it ended. Raises as ``solve``, and ValueError where ``learned`` does not
-    know its Q-function.
+    where it ended. Raises as ``solve``, and ValueError where ``learned`` does not know its
+    Q-function.
     """
     check_kind("learned", learned, Learned)
     check_run(iterations, callback)
