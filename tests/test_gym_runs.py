@@ -175,6 +175,7 @@ def test_what_was_learned_is_saved_whole(settings, tmp_path):
 def test_a_file_that_is_not_whole_is_named(tmp_path):
     (tmp_path / "cut.npz").write_bytes(b"PK\x03\x04 cut")
     np.savez(tmp_path / "other.npz", weights=np.zeros(3))
+    np.savez(tmp_path / "list.npz", about=np.array("[1]"))
     curve = {"iterations": np.zeros(3), "returns": np.zeros((2, 2)), "steps": np.zeros(2)}
     np.savez(tmp_path / "shape.npz", weights=np.zeros((2, 1, 5)), **curve, improved=np.ones(2))
     np.save(tmp_path / "array.npy", np.zeros((2, 3)))
