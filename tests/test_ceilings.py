@@ -30,7 +30,7 @@ WORDS = {
     "controls": 705,
     "comparison": 475,
     "recommended": 800,
-    "guide": 685,
+    "guide": 655,
     "conclusions": 475,
 }
 APPENDIX = "parameters", "scorecard", "deviations", "reproducing", "glossary"

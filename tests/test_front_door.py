@@ -9,7 +9,7 @@ import pytest
 import torch
 
 import vtlib
-from vtlib import MLP, FineTuning, Learned, MellowTDSettings, ModuleQ, Pool, Settings, Trust
+from vtlib import MLP, FineTuning, Learned, MellowTDSettings, ModuleQ, Settings, Trust
 
 Q, CALLS, PAIR = MLP((4, 3, 2)), 300, [1, 2]
 WORDS = (" must ", "must be", "needs ")
@@ -29,18 +29,18 @@ def calls():
     envs, sources = [gym.make("CartPole-v1")], torch.ones(2, Q.d)
     weights = torch.ones(1, 1, Q.d)
     counts = {"episodes": 1, "gamma": 0.9, "seed": 0}
-    learning = {"iterations": 1, "seed": 0, "trials": 0, "callback": None}
-    pooled = {"task": "t", "learned": learned(), "env": envs[0], "run": 0}
+    learning = {"iterations": 1, "seed": 0, "callback": None}
     return [
-        (vtlib.solve, {"envs": envs, "q": Q, "settings": MellowTDSettings(1), **learning}),
+        (
+            vtlib.solve,
+            {"envs": envs, "q": Q, "settings": MellowTDSettings(1), "trials": 0, **learning},
+        ),
         (
             vtlib.transfer,
             {"envs": envs, "q": Q, "sources": sources, "settings": Trust(), **learning},
         ),
         (vtlib.evaluate, {"envs": envs, "q": Q, "weights": weights, **counts}),
-        (vtlib.play, {"envs": envs, "q": Q, "weights": weights, **counts}),
         (vtlib.resume, {"learned": learned(), "envs": envs, "iterations": 1, "callback": None}),
-        (Pool(Q).add, pooled),
         (learned().predict, {"obs": np.zeros(4), "run": 0}),
         (learned().values, {"obs": np.zeros(4), "run": 0}),
         (MLP, {"sizes": (4, 2)}),
@@ -57,7 +57,7 @@ GOOD = {  # what is odd elsewhere, and right here
     "settings": (None,),
     "callback": (None, len, int, Settings),
     "sizes": (PAIR,),
-    "task": ("x",),
+    "module": [x for x in ODD if isinstance(x, torch.nn.Module)],
 }
 
 

@@ -51,7 +51,10 @@ def solve(
     Box and Discrete, a Q-function of other sizes, or an environment that is given twice; Diverged
     when weights cease to be finite.
     """
-    check_run(iterations, callback, trials)
+    check_run(iterations, callback)
+    check_whole("trials", trials, 0)
+    if trials == 1:
+        raise ValueError("trials must be 0 or at least 2, got 1: one has no standard error")
     check_kind("settings", settings, MellowTDSettings | DDQNSettings | None)
     settings = settings or MellowTDSettings(epsilon_steps=max(1, iterations // 2))
     name = stream_name("solve", seed)
@@ -71,12 +74,12 @@ def solve(
     except ValueError as error:  # learning took long, and an endless episode must not lose it
         warnings.warn(f"what was reached is not known: {error}", stacklevel=3)
         return learned
-    nothing = ~clear(reached.returns - before.returns)
+    nothing = ~clear(reached - before)
     if bool(nothing.any()):
         runs = ", ".join(map(str, nothing.nonzero().flatten().tolist()))
         fault = f"runs {runs} of solve learned nothing: greedy play earns no more than"
         warnings.warn(f"{fault} the initial weights do, which is no source", stacklevel=3)
-    return evolve(learned, reached=reached.returns)
+    return evolve(learned, reached=reached)
 
 
 @arithmetic()
@@ -87,7 +90,6 @@ def transfer(
     iterations: int,
     settings: Trust | Settings | FineTuning | None = None,
     *,
-    trials: int = 0,
     seed: int = 0,
     callback: Callback | None = None,
     progress: bool = False,
@@ -96,19 +98,15 @@ def transfer(
     """Learn each environment with what sources (S, d) know, ``weights[:, 0]`` of ``solve``.
 
     The default, ``Trust``, plays the sources while they keep their promise and learns meanwhile; in
-    the end its returns decide whether what it learned is kept, or the best source. With trials that
-    source and what was learned play as many greedy episodes more, which ``steps`` counts, and what
-    was learned is kept where it earns more, and by at least the standard error of the difference. A
-    source whose weights are over ten times as large as most is left out, with a warning. Other
-    settings run alone. Ctrl-C ends the learning and returns what was learned. device: where
-    posteriors are kept. Raises as ``solve``, and ValueError for missing, bad or misshapen sources,
-    one trial, or a device that torch lacks.
+    the end its returns decide whether what it learned is kept, or the best source. A source whose
+    weights are over ten times as large as most is left out, with a warning. Other settings run
+    alone. Ctrl-C ends the learning and returns what was learned. device: where posteriors are kept.
+    Raises as ``solve``, and ValueError for missing, bad or misshapen sources, or a device that
+    torch lacks.
     """
     settings = Trust() if settings is None else settings
-    check_run(iterations, callback, trials)
+    check_run(iterations, callback)
     check_kind("settings", settings, Trust | Settings | FineTuning)
-    if trials and not isinstance(settings, Trust):
-        raise ValueError(f"trials must be 0 where other settings are given, got {trials}")
     gamma = (settings.learner if isinstance(settings, FineTuning) else settings).gamma
     name = stream_name("transfer", seed)
     episodes, rng = episodes_of(envs, q, name, gamma), Rng(name, range(len(envs)))
@@ -124,34 +122,19 @@ def transfer(
     shared = sources.detach().expand(len(envs), *sources.shape).to(place)
     agent: Any = settings.agent(q, shared, episodes.obs_dim, rng)
     about = {"q": q, "settings": settings, "seed": seed}
-    learned = _learn(agent, episodes, iterations, name, callback, progress, **about)
-    if not trials or learned.interrupted:
-        return learned
-    mu, source = agent.learned.mu.cpu(), agent.best_source
-    trial = partial(episodes_of, envs, q, f"{name} trial", gamma)
-    try:
-        ours, theirs = (greedy_episodes(trial(), q, w, trials, gamma) for w in (mu, source))
-    except KeyboardInterrupt:
-        return evolve(learned, interrupted=True)
-    improved = clear(ours.returns - theirs.returns)
-    weights = torch.where(improved.view(-1, 1, 1), mu, source.expand_as(mu))
-    steps = learned.steps + ours.lengths.sum(1) + theirs.lengths.sum(1)
-    return evolve(learned, weights=weights, steps=steps, improved=improved)
+    return _learn(agent, episodes, iterations, name, callback, progress, **about)
 
 
-def check_run(iterations: object, callback: object, trials: object = 0) -> None:
-    """Raise ValueError for arguments with which nothing can learn; one trial has no error."""
+def check_run(iterations: object, callback: object) -> None:
+    """Raise ValueError for arguments with which nothing can learn."""
     check_whole("iterations", iterations)
     check_kind("callback", callback, Callable | None)
-    check_whole("trials", trials, 0)
-    if trials == 1:
-        raise ValueError("trials must be 0 or at least 2, got 1: one has no standard error")
 
 
 def check_sources(q: QFunction, sources: Any) -> None:
     """Raise ValueError, with what would help, unless sources (S, d) are weights of a Q-function."""
-    if hasattr(type(sources), "weights"):  # what was learned or a pool, which show all they have
-        raise ValueError("sources must be a Tensor, got what has them: pass .weights")
+    if isinstance(sources, Learned):  # which would be shown with all that it has
+        raise ValueError("sources must be a Tensor, got Learned: pass .weights[:, 0] of it")
     if isinstance(sources, Tensor) and sources.dim() == 3:
         got = tuple(sources.shape)
         raise ValueError(f"sources must have shape (sources, {q.d}), got {got}: pass [:, 0] of it")
@@ -180,8 +163,8 @@ def resume(
 
     ``Trust`` goes on from its whole state, with new episodes and random numbers. Of others the
     means take the sources' place, replay memory and optimiser begin anew, and exploration goes on
-    where it ended. Nothing is tried. Raises as ``solve``, and ValueError where ``learned`` does not
-    know its Q-function.
+    where it ended. Raises as ``solve``, and ValueError where ``learned`` does not know its
+    Q-function.
     """
     check_kind("learned", learned, Learned)
     check_run(iterations, callback)

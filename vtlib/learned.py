@@ -2,7 +2,6 @@
 
 import io
 import json
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Self
 
@@ -31,14 +30,13 @@ class Learned:
 
     weights (R, C, d): final weights, those of each component's mean for a posterior. iterations
     (T,) and returns (R, T): mean discounted return of the last 50 episodes, NaN before the first
-    has ended. steps (R,): of the environment, the trials of ``transfer`` included. improved (R,):
-    whether the weights learned are kept; else they are those of the best source (see ``transfer``).
-    mu (R, C, d) and scale_tril (R, C, d, d): means and factors L of the posterior learned, kept or
-    not, or L's diagonals (R, C, d) where it is diagonal; None without a posterior. reached
-    (R, episodes): what ``solve`` has reached, discounted returns of greedy play on fresh episodes.
-    state: why ``Trust`` acted as it did, and all that it takes to go on (``Trusting.state``).
-    interrupted: whether Ctrl-C ended it, before anything was tried. q, settings and seed are those
-    of the call; the environments' first action is first_action.
+    has ended. steps (R,): of the environment. improved (R,): whether the weights learned are kept;
+    else they are those of the best source (see ``transfer``). mu (R, C, d) and scale_tril
+    (R, C, d, d): means and factors L of the posterior learned, kept or not, or L's diagonals
+    (R, C, d) where it is diagonal; None without a posterior. reached (R, episodes): what ``solve``
+    has reached, discounted returns of greedy play on fresh episodes. state: why ``Trust`` acted as
+    it did, and all that it takes to go on (``Trusting.state``). interrupted: whether Ctrl-C ended
+    it. q, settings and seed are those of the call; the environments' first action is first_action.
     """
 
     weights: Tensor
@@ -131,7 +129,11 @@ class Learned:
 
     def save(self, path: str | Path) -> None:
         """Write everything but a module's code to one .npz of plain arrays, at once."""
-        arrays = {
+        check_kind("path", path, str | Path)
+        if Path(path).is_dir():
+            rule = f"path must be a file, such as {path}/learned.npz"
+            raise ValueError(f"{rule}, got the folder {path}")
+        arrays: dict[str, Any] = {
             name: part.cpu().numpy()
             for name, part in attrs.asdict(self, recurse=False).items()
             if isinstance(part, Tensor)
@@ -142,7 +144,11 @@ class Learned:
             "settings": _plain(self.settings) if isinstance(self.settings, KINDS) else None,
             **{x: getattr(self, x) for x in ("seed", "first_action", "interrupted")},
         }
-        save_arrays(path, arrays, about)
+        Path(path).parent.mkdir(parents=True, exist_ok=True)
+        arrays[ABOUT] = np.array(json.dumps(about))
+        buffer = io.BytesIO()
+        np.savez_compressed(buffer, **arrays)
+        write_bytes(Path(path), buffer.getvalue())
 
     @classmethod
     def load(cls, path: str | Path, q: QFunction | None = None) -> Self:
@@ -150,45 +156,24 @@ class Learned:
 
         q: needed for a module or a Q-function of one's own; ValueError where it is another.
         """
-        arrays, about = load_arrays(path, "Learned.save")
-        spec, settings = about.pop("q", None), about.pop("settings", None)
-        about["q"] = q if spec is None else from_description(spec, q)
+        check_kind("path", path, str | Path)
+        if not Path(path).is_file():
+            rule = "path must be a file that Learned.save wrote"
+            raise ValueError(f"{rule}, got {path}, which is none")
+        whole = io.BytesIO(Path(path).read_bytes())
         try:
+            with np.load(whole, allow_pickle=False) as stored:
+                arrays = dict(stored)
+            about = json.loads(str(arrays.pop(ABOUT)))
+            spec, settings = about.pop("q", None), about.pop("settings", None)
             about["settings"] = settings and _settings(settings)
             parts: dict[str, Any] = {name: torch.from_numpy(x) for name, x in arrays.items()}
             state = {x: parts.pop(x) for x in list(parts) if x.startswith(STATE)}
             about["state"] = {x.removeprefix(STATE): part for x, part in state.items()} or None
-            return cls(**about, **parts)
+            learned = cls(**about, **parts)
         except Exception as error:  # what is not such a file may raise anything
             raise TornResult(f"{path} is not what Learned.save wrote") from error
-
-
-def save_arrays(
-    path: str | Path, arrays: Mapping[str, np.ndarray], about: Mapping[str, Any]
-) -> None:
-    """Write arrays, and beside them a text of JSON, to one .npz; its folder is made if need be."""
-    check_kind("path", path, str | Path)
-    if Path(path).is_dir():
-        raise ValueError(f"path must be a file, such as {path}/learned.npz, got the folder {path}")
-    Path(path).parent.mkdir(parents=True, exist_ok=True)
-    whole: dict[str, Any] = {**arrays, ABOUT: np.array(json.dumps(about))}
-    buffer = io.BytesIO()
-    np.savez_compressed(buffer, **whole)
-    write_bytes(Path(path), buffer.getvalue())
-
-
-def load_arrays(path: str | Path, writer: str) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
-    """The arrays and the text of such a file; TornResult names one that is not whole."""
-    check_kind("path", path, str | Path)
-    if not Path(path).is_file():
-        raise ValueError(f"path must be a file that {writer} wrote, got {path}, which is none")
-    whole = io.BytesIO(Path(path).read_bytes())
-    try:
-        with np.load(whole, allow_pickle=False) as stored:
-            arrays = dict(stored)
-        return arrays, json.loads(str(arrays.pop(ABOUT)))
-    except Exception as error:  # what is not such a file may raise anything
-        raise TornResult(f"{path} is not what {writer} wrote") from error
+        return attrs.evolve(learned, q=q if spec is None else from_description(spec, q))
 
 
 def _plain(settings: Any) -> dict[str, Any]:

@@ -1,7 +1,6 @@
 """Greedy play on ordinary Gymnasium environments, and what the front door refuses of them."""
 
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import gymnasium
 import numpy as np
@@ -17,14 +16,7 @@ from vtlib.training import arithmetic
 LONGEST = 100_000  # steps after which an episode is given up
 
 
-class Played(NamedTuple):
-    """Greedy episodes (R, episodes): returns, discounted and not, and lengths in steps."""
-
-    returns: Tensor
-    undiscounted: Tensor
-    lengths: Tensor
-
-
+@arithmetic()
 def evaluate(
     envs: Sequence[gymnasium.Env],
     q: QFunction,
@@ -36,23 +28,8 @@ def evaluate(
 ) -> Tensor:
     """Discounted returns (R, episodes) of greedy policies on fresh episodes.
 
-    The values of C weight vectors of weights (R, C, d) are averaged. ``play`` gives undiscounted
-    returns and lengths of the same episodes, too. Raises as ``solve``.
+    The values of C weight vectors of weights (R, C, d) are averaged. Raises as ``solve``.
     """
-    return play(envs, q, weights, episodes, gamma=gamma, seed=seed).returns
-
-
-@arithmetic()
-def play(
-    envs: Sequence[gymnasium.Env],
-    q: QFunction,
-    weights: Tensor,
-    episodes: int = 20,
-    *,
-    gamma: float = 0.99,
-    seed: int = 0,
-) -> Played:
-    """Returns, undiscounted returns and lengths of the episodes that ``evaluate`` plays."""
     check_whole("episodes", episodes)
     check_between("gamma", gamma, 0, 1)
     lock = episodes_of(envs, q, stream_name("evaluate", seed), gamma)
@@ -62,31 +39,26 @@ def play(
 
 def greedy_episodes(
     lock: GymEpisodes, q: QFunction, weights: Tensor, episodes: int, gamma: float
-) -> Played:
-    """The next greedy episodes of environments in lock-step, by weights (R, C, d)."""
+) -> Tensor:
+    """Returns (R, episodes) of the next greedy episodes in lock-step, by weights (R, C, d)."""
     runs = len(weights)
-    running, plain, discount = torch.zeros(runs), torch.zeros(runs), torch.ones(runs)
+    running, discount = torch.zeros(runs), torch.ones(runs)
     count = torch.zeros(runs, dtype=torch.int64)
     since = torch.zeros_like(count)
-    returns, undiscounted = torch.zeros(2, runs, episodes)
-    lengths = torch.zeros(runs, episodes, dtype=torch.int64)
+    returns = torch.zeros(runs, episodes)
     while bool((count < episodes).any()):
         action = q.q(weights, q.prepare(lock.obs.unsqueeze(1))).mean(1)[..., 0].argmax(-1)
-        reward = lock.step(action).reward
-        running += discount * reward
-        plain += reward
+        running += discount * lock.step(action).reward
         discount *= gamma
         since += 1
         for row in (lock.fresh & (count < episodes)).nonzero().flatten().tolist():
-            at = row, count[row]
-            returns[at], undiscounted[at], lengths[at] = running[row], plain[row], since[row]
+            returns[row, count[row]] = running[row]
             count[row] += 1
-        running[lock.fresh], plain[lock.fresh], discount[lock.fresh] = 0.0, 0.0, 1.0
-        since[lock.fresh] = 0
+        running[lock.fresh], discount[lock.fresh], since[lock.fresh] = 0.0, 1.0, 0
         if int(since.max()) > LONGEST:
             fault = f"envs must end their episodes, got {LONGEST:,} steps without an end"
             raise ValueError(f"{fault}: gymnasium.wrappers.TimeLimit ends them")
-    return Played(returns, undiscounted, lengths)
+    return returns
 
 
 def clear(gain: Tensor) -> Tensor:

@@ -147,10 +147,7 @@ def solved(name: str, stored: store.Arrays | None) -> store.Arrays:
 
 
 def judge(name: str, parameter: Any, sources: torch.Tensor, runs: int) -> store.Arrays:
-    """Returns (R,) of greedy play on fresh episodes, of each source and each way to learn.
-
-    Transfer comes first; the others learn for as many steps as its longest run took.
-    """
+    """Returns (R,) of greedy play on fresh episodes, of each source and each way to learn."""
     kind = KINDS[name]
     envs = [kind.make(parameter) for _ in range(runs)]
 
@@ -160,9 +157,8 @@ def judge(name: str, parameter: Any, sources: torch.Tensor, runs: int) -> store.
     alone = np.stack([earned(w.expand(runs, 1, -1)) for w in sources])
     best = int(alone.mean(1).argmax())
     ours = transfer(envs, kind.q, sources, kind.learning, seed=SEED)
-    steps = int(ours.steps.max())
-    tuning = transfer(envs, kind.q, sources[[best]], steps, FineTuning(TUNING), seed=SEED)
-    nothing = solve(envs, kind.q, steps, trials=0, seed=SEED)
+    tuning = transfer(envs, kind.q, sources[[best]], kind.learning, FineTuning(TUNING), seed=SEED)
+    nothing = solve(envs, kind.q, kind.learning, trials=0, seed=SEED)
     return {
         "sources": alone,
         "from nothing": earned(nothing.weights),

@@ -132,7 +132,7 @@ print("import", torch.get_num_threads())
 torch.set_num_threads(2)
 envs, q = [Watched(gymnasium.make("CartPole-v1"))], MLP((4, 8, 2))
 learned = tell("solve", solve, envs, q, 20)
-tell("transfer", transfer, envs, q, learned.weights[:, 0].expand(2, -1), 20, trials=2)
+tell("transfer", transfer, envs, q, learned.weights[:, 0].expand(2, -1), 20)
 tell("evaluate", evaluate, envs, q, learned.weights, 2)
 for here, label in ((CARTPOLE, "DDQN"), (CARTPOLE, "1-MGVT"), (ROOMS_EVALUATION, "GVT")):
     short = evolve(here, iterations=100)
