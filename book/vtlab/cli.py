@@ -51,13 +51,13 @@ def _parser() -> argparse.ArgumentParser:
     names = ", ".join([*installed(), *catalogue()])
     run = commands.add_parser("run", help="compute what an experiment still lacks, and store it")
     run.add_argument("experiment", help=f"one of {names}")
-    help = "recompute the heads of every stored result, and a run drawn at random"
+    help = "recompute the first iterations of every run, and one whole run of each result"
     epilog = f"Experiments: {names}; and {', '.join(checks())}"
     verify = commands.add_parser("verify", help=help, epilog=epilog)
     verify.add_argument("experiment", nargs="*", help="all when none is named")
     extent = verify.add_mutually_exclusive_group()
     extent.add_argument("--whole", action="store_true", help="all runs, whole")
-    extent.add_argument("--quick", action="store_true", help="heads alone: the first iterations")
+    extent.add_argument("--quick", action="store_true", help="the first iterations alone")
     seed = _like("[0-9]+", "a whole number of at least 0", int)
     extent.add_argument("--seed", type=seed, help="draw the runs that this number drew before")
     reproduce = commands.add_parser("reproduce", help="compute everything anew and compare")
@@ -114,7 +114,8 @@ def _verify(options: argparse.Namespace) -> int:
     usual = [*catalogue(), *(() if options.quick else checks())]
     names, root = options.experiment or usual, options.results
     if options.quick and (whole := [name for name in names if name in checks()]):
-        raise ValueError(f"--quick must not be asked of {', '.join(whole)}, which has no heads")
+        only = ", ".join(whole)
+        raise ValueError(f"--quick recomputes the first iterations; {only} is recomputed whole")
     experiments = _experiments(name for name in names if name not in checks())
     store.check_readable(root)
     rng, bad = None, 0
