@@ -20,7 +20,7 @@ from vtlab.registry import catalogue, checks, installed, named
 from vtlab.reproduce import report, reproduce
 from vtlab.schedule import complete
 from vtlab.verify import verify
-from vtlab.workers import cluster, processes
+from vtlab.workers import processes
 from vtlib.checks import one_line
 from vtlib.files import TornResult
 from vtlib.training import Diverged
@@ -69,13 +69,9 @@ def _parser() -> argparse.ArgumentParser:
     for entry in entry_points(group="vtlab.commands"):
         command = commands.add_parser(entry.name, help=f"from {entry.module}")
         command.set_defaults(command=lambda _, entry=entry: entry.load()())
-    address = _like("(tcp|tls|inproc)://[^ ]+", "an address such as tcp://host:8786")
     device = _like("cpu|cuda(:[0-9]{1,3})?", "cpu, cuda or cuda:N")
     for command in (run, reproduce):
-        workers = command.add_mutually_exclusive_group()
-        workers.add_argument("--jobs", type=count, help="processes, by default one per core")
-        help = "of a Dask cluster to use instead"
-        workers.add_argument("--scheduler", metavar="ADDRESS", type=address, help=help)
+        command.add_argument("--jobs", type=count, help="processes, by default one per core")
         help = "where posteriors and their networks are kept: cpu, or cuda"
         command.add_argument("--device", type=device, default="cpu", help=help)
     return parser
@@ -92,9 +88,9 @@ def _like(pattern: str, allowed: str, kind: type = str) -> Callable[[str], Any]:
 
 def _workers(options: argparse.Namespace) -> contextlib.AbstractContextManager[Executor]:
     count, device = torch.cuda.device_count(), torch.device(options.device)
-    if not options.scheduler and device.type == "cuda" and (device.index or 0) >= count:
+    if device.type == "cuda" and (device.index or 0) >= count:
         raise ValueError(f"--device: torch finds {count} CUDA cards here, got {options.device}")
-    return cluster(options.scheduler) if options.scheduler else processes(options.jobs)
+    return processes(options.jobs)
 
 
 def _run(options: argparse.Namespace) -> int:

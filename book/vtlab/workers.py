@@ -1,11 +1,11 @@
-"""Executors that compute for us: processes of this machine, or the workers of a Dask cluster."""
+"""Processes of this machine that compute for us."""
 
 import contextlib
 import multiprocessing
 import os
 import threading
 from collections.abc import Iterator
-from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor
+from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from typing import Any
 
 from vtlab.interrupts import for_this_process_alone
@@ -53,18 +53,3 @@ def _end_with_parent() -> None:
         os._exit(1)
 
     threading.Thread(target=wait, daemon=True).start()
-
-
-@contextlib.contextmanager
-def cluster(address: str) -> Iterator[Executor]:
-    """The workers of the Dask scheduler at an address, such as "tcp://host:8786".
-
-    Raises OSError where there is none, BrokenExecutor when a unit has lost several workers.
-    """
-    import distributed  # this takes a second, and only a cluster needs it
-
-    with distributed.Client(address, timeout=10, set_as_default=False) as client:
-        try:
-            yield client.get_executor(pure=False)
-        except distributed.KilledWorker as error:
-            raise BrokenExecutor("workers were killed") from error
