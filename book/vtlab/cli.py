@@ -41,6 +41,9 @@ def main(arguments: list[str] | None = None) -> int:
         print(f"vtlab: {one_line(error)}", file=sys.stderr)
     except BrokenExecutor:
         print("vtlab: workers were killed; the same command goes on from here", file=sys.stderr)
+    except KeyboardInterrupt:
+        print("vtlab: interrupted; run and reproduce go on from here", file=sys.stderr)
+        return 130
     return 2
 
 
