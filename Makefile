@@ -73,14 +73,13 @@ check: lint
 	@$(PY) pytest -q -n logical --dist loadfile $(METHOD)
 
 lint: set-up-checks
-	@echo "==> Checking style, types, imports and language: a minute the first time, then seconds."
+	@echo "==> Checking style, types and imports: a minute the first time, then seconds."
 	@$(PY) ruff check $(PYFILES)
 	@$(PY) ruff format --check $(PYFILES)
 	@$(PY) mypy
 	@$(BIN)/python -c $(IMPORTS) --no-cache --no-logo
 	@PATH="$(BIN):$$PATH" $(PY) nbqa "ruff check" $(PAGES) $(PAGE_RULES)
 	@PATH="$(BIN):$$PATH" $(PY) nbqa "ruff format --check" $(PAGES)
-	@$(BIN)/python book/_ext/prose.py
 
 format: set-up-checks
 	@$(PY) ruff check --fix $(PYFILES)
