@@ -12,11 +12,10 @@ PYTHON ?= python3.11
 VENV   ?= .venv
 # For example --no-browser --port=9999.
 LAB_OPTIONS ?=
-# make reproduce ONLY="thesis" or ONLY="cartpole mountain-car" RUNS=2 JOBS=4, or SCHEDULER=tcp://host:8786; DEVICE=cuda
+# make reproduce ONLY="thesis" or ONLY="cartpole mountain-car" RUNS=2 JOBS=4 DEVICE=cuda
 ONLY ?=
 RUNS ?=
 JOBS ?=
-SCHEDULER ?=
 DEVICE ?=
 # make book ONLINE=yes: without the browser scripts, which pages then load from public servers.
 ONLINE ?=
@@ -74,14 +73,13 @@ check: lint
 	@$(PY) pytest -q -n logical --dist loadfile $(METHOD)
 
 lint: set-up-checks
-	@echo "==> Checking style, types, imports and language: a minute the first time, then seconds."
+	@echo "==> Checking style, types and imports: a minute the first time, then seconds."
 	@$(PY) ruff check $(PYFILES)
 	@$(PY) ruff format --check $(PYFILES)
 	@$(PY) mypy
 	@$(BIN)/python -c $(IMPORTS) --no-cache --no-logo
 	@PATH="$(BIN):$$PATH" $(PY) nbqa "ruff check" $(PAGES) $(PAGE_RULES)
 	@PATH="$(BIN):$$PATH" $(PY) nbqa "ruff format --check" $(PAGES)
-	@$(BIN)/python book/_ext/prose.py
 
 format: set-up-checks
 	@$(PY) ruff check --fix $(PYFILES)
@@ -98,8 +96,7 @@ reproduce: set-up
 	@echo "==> Computing stored runs again from nothing: all of them take hours, see the time left."
 	@echo "    Ctrl-C is safe: the same command goes on where it was stopped."
 	@$(PY) vtlab reproduce $(addprefix --only ,$(ONLY)) $(addprefix --runs ,$(RUNS)) \
-		$(addprefix --jobs ,$(JOBS)) $(addprefix --scheduler ,$(SCHEDULER)) \
-		$(addprefix --device ,$(DEVICE)); code=$$?; \
+		$(addprefix --jobs ,$(JOBS)) $(addprefix --device ,$(DEVICE)); code=$$?; \
 	if [ $$code -le 1 ] && [ -z "$(ONLY)$(RUNS)" ]; then \
 		$(BIN)/python book/_ext/build.py --results _build/reproduced || exit 1; \
 	fi; exit $$code

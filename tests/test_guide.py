@@ -2,6 +2,7 @@
 
 import shutil
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -39,6 +40,13 @@ def test_sources_earn_again_what_is_stored(monkeypatch):
     kind = evolve(runs.KINDS["cartpole"], learning=1)  # nothing that rounding can send elsewhere
     monkeypatch.setitem(runs.KINDS, "cartpole", kind)
     assert not {"sources", "best source"} & {*runs.differing("cartpole-outside", FOLDER, 4)}
+
+
+def test_learning_that_was_interrupted_ends_the_command_and_is_not_stored(monkeypatch, tmp_path):
+    monkeypatch.setattr(runs, "solve", lambda *_, **__: SimpleNamespace(interrupted=True))
+    monkeypatch.setattr(store, "results_folder", lambda: tmp_path)
+    assert main(["guide"]) == 130
+    assert not list(tmp_path.rglob("*.npz"))
 
 
 def test_a_forged_number_is_named(monkeypatch, tmp_path, capsys):

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
-HEAVY = "dask distributed xarray scipy matplotlib ipywidgets PIL"
+HEAVY = "xarray scipy matplotlib ipywidgets PIL"
 LINT = [sys.executable, "-c", "from importlinter.cli import lint_imports_command as lint; lint()"]
 
 

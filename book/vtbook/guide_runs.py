@@ -19,7 +19,7 @@ from gymnasium.envs.toy_text.frozen_lake import generate_random_map
 from vtlab import store
 from vtlab.permutation import same_distribution_p
 from vtlab.stats import difference_interval
-from vtlib import evaluate, solve, transfer
+from vtlib import Learned, evaluate, solve, transfer
 from vtlib.baselines import DDQNSettings, FineTuning, MellowTDSettings
 from vtlib.qfunctions import MLP
 from vtlib.rng import generator
@@ -137,13 +137,20 @@ def solved(name: str, stored: store.Arrays | None) -> store.Arrays:
     envs = [kind.make(x) for x in kind.sources]
     if stored is None:
         half = MellowTDSettings(epsilon_steps=kind.solving // 2, minibatch=100)
-        weights = solve(
-            envs, kind.q, kind.solving, kind.solver or half, trials=0, seed=SOLVED
+        weights = whole(
+            solve(envs, kind.q, kind.solving, kind.solver or half, trials=0, seed=SOLVED)
         ).weights
     else:
         weights = torch.from_numpy(stored["weights"]).unsqueeze(1)
     own = evaluate(envs, kind.q, weights, seed=SOLVED).mean(1)
     return {"weights": weights[:, 0].numpy(), "own": own.numpy()}
+
+
+def whole(learned: Learned) -> Learned:
+    """What was learned to the end; Ctrl-C, which ended the learning alone, now ends the command."""
+    if learned.interrupted:
+        raise KeyboardInterrupt
+    return learned
 
 
 def judge(name: str, parameter: Any, sources: torch.Tensor, runs: int) -> store.Arrays:
@@ -156,9 +163,10 @@ def judge(name: str, parameter: Any, sources: torch.Tensor, runs: int) -> store.
 
     alone = np.stack([earned(w.expand(runs, 1, -1)) for w in sources])
     best = int(alone.mean(1).argmax())
-    ours = transfer(envs, kind.q, sources, kind.learning, seed=SEED)
-    tuning = transfer(envs, kind.q, sources[[best]], kind.learning, FineTuning(TUNING), seed=SEED)
-    nothing = solve(envs, kind.q, kind.learning, trials=0, seed=SEED)
+    ours = whole(transfer(envs, kind.q, sources, kind.learning, seed=SEED))
+    tuned = transfer(envs, kind.q, sources[[best]], kind.learning, FineTuning(TUNING), seed=SEED)
+    tuning = whole(tuned)
+    nothing = whole(solve(envs, kind.q, kind.learning, trials=0, seed=SEED))
     return {
         "sources": alone,
         "from nothing": earned(nothing.weights),

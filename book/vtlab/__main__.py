@@ -2,10 +2,7 @@
 
 import sys
 
-from vtlab.interrupts import end_at_once
-
 if __name__ == "__main__":
-    end_at_once()  # before the imports, which take seconds
-    from vtlab.cli import main
+    from vtlab.cli import main  # not above: processes that compute import this file, too
 
     sys.exit(main())

@@ -20,7 +20,7 @@ from vtlab.registry import catalogue, checks, installed, named
 from vtlab.reproduce import report, reproduce
 from vtlab.schedule import complete
 from vtlab.verify import verify
-from vtlab.workers import cluster, processes
+from vtlab.workers import processes
 from vtlib.checks import one_line
 from vtlib.files import TornResult
 from vtlib.training import Diverged
@@ -41,6 +41,9 @@ def main(arguments: list[str] | None = None) -> int:
         print(f"vtlab: {one_line(error)}", file=sys.stderr)
     except BrokenExecutor:
         print("vtlab: workers were killed; the same command goes on from here", file=sys.stderr)
+    except KeyboardInterrupt:
+        print("vtlab: interrupted; run and reproduce go on from here", file=sys.stderr)
+        return 130
     return 2
 
 
@@ -51,13 +54,13 @@ def _parser() -> argparse.ArgumentParser:
     names = ", ".join([*installed(), *catalogue()])
     run = commands.add_parser("run", help="compute what an experiment still lacks, and store it")
     run.add_argument("experiment", help=f"one of {names}")
-    help = "recompute the heads of every stored result, and a run drawn at random"
+    help = "recompute the first iterations of every run, and one whole run of each result"
     epilog = f"Experiments: {names}; and {', '.join(checks())}"
     verify = commands.add_parser("verify", help=help, epilog=epilog)
     verify.add_argument("experiment", nargs="*", help="all when none is named")
     extent = verify.add_mutually_exclusive_group()
     extent.add_argument("--whole", action="store_true", help="all runs, whole")
-    extent.add_argument("--quick", action="store_true", help="heads alone: the first iterations")
+    extent.add_argument("--quick", action="store_true", help="the first iterations alone")
     seed = _like("[0-9]+", "a whole number of at least 0", int)
     extent.add_argument("--seed", type=seed, help="draw the runs that this number drew before")
     reproduce = commands.add_parser("reproduce", help="compute everything anew and compare")
@@ -69,13 +72,9 @@ def _parser() -> argparse.ArgumentParser:
     for entry in entry_points(group="vtlab.commands"):
         command = commands.add_parser(entry.name, help=f"from {entry.module}")
         command.set_defaults(command=lambda _, entry=entry: entry.load()())
-    address = _like("(tcp|tls|inproc)://[^ ]+", "an address such as tcp://host:8786")
     device = _like("cpu|cuda(:[0-9]{1,3})?", "cpu, cuda or cuda:N")
     for command in (run, reproduce):
-        workers = command.add_mutually_exclusive_group()
-        workers.add_argument("--jobs", type=count, help="processes, by default one per core")
-        help = "of a Dask cluster to use instead"
-        workers.add_argument("--scheduler", metavar="ADDRESS", type=address, help=help)
+        command.add_argument("--jobs", type=count, help="processes, by default one per core")
         help = "where posteriors and their networks are kept: cpu, or cuda"
         command.add_argument("--device", type=device, default="cpu", help=help)
     return parser
@@ -92,9 +91,9 @@ def _like(pattern: str, allowed: str, kind: type = str) -> Callable[[str], Any]:
 
 def _workers(options: argparse.Namespace) -> contextlib.AbstractContextManager[Executor]:
     count, device = torch.cuda.device_count(), torch.device(options.device)
-    if not options.scheduler and device.type == "cuda" and (device.index or 0) >= count:
+    if device.type == "cuda" and (device.index or 0) >= count:
         raise ValueError(f"--device: torch finds {count} CUDA cards here, got {options.device}")
-    return cluster(options.scheduler) if options.scheduler else processes(options.jobs)
+    return processes(options.jobs)
 
 
 def _run(options: argparse.Namespace) -> int:
@@ -114,7 +113,8 @@ def _verify(options: argparse.Namespace) -> int:
     usual = [*catalogue(), *(() if options.quick else checks())]
     names, root = options.experiment or usual, options.results
     if options.quick and (whole := [name for name in names if name in checks()]):
-        raise ValueError(f"--quick must not be asked of {', '.join(whole)}, which has no heads")
+        only = ", ".join(whole)
+        raise ValueError(f"--quick recomputes the first iterations; {only} is recomputed whole")
     experiments = _experiments(name for name in names if name not in checks())
     store.check_readable(root)
     rng, bad = None, 0

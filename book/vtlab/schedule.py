@@ -17,7 +17,6 @@ from vtlab import store
 from vtlab.experiment import SOURCES, Experiment, Pool
 from vtlab.units import Unit, compute, joined, units_of
 from vtlab.workers import processes
-from vtlib import __version__
 
 
 def keep(unit: Unit, arrays: store.Arrays, note: store.Note, root: Path) -> None:
@@ -95,14 +94,5 @@ def _compute_all(missing: Sequence[Unit], root: Path, executor: Executor, device
             for future in sorted(ended, key=lambda x: x.exception() is not None):
                 unit = running.pop(future)
                 arrays, note = future.result()
-                _check_versions(note)
                 keep(unit, arrays, note, root)
                 bar.update(min(seconds[unit.part], bar.total - bar.n))  # sums are rounded
-
-
-def _check_versions(note: store.Note) -> None:
-    """Raise ValueError where a worker has other versions, which would mix results."""
-    here, there = {"vtlib": __version__, **store.machine()}, {**note, **note["machine"]}
-    for name in ("vtlib", "torch", "numpy"):
-        if there[name] != here[name]:
-            raise ValueError(f"workers must have {name} {here[name]}, one has {there[name]}")

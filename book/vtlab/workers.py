@@ -1,26 +1,22 @@
-"""Executors that compute for us: processes of this machine, or the workers of a Dask cluster."""
+"""Processes of this machine that compute for us."""
 
 import contextlib
 import multiprocessing
 import os
+import signal
 import threading
 from collections.abc import Iterator
-from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor
-from typing import Any
-
-from vtlab.interrupts import for_this_process_alone
+from concurrent.futures import Executor, ProcessPoolExecutor
 
 
 @contextlib.contextmanager
 def processes(jobs: int | None = None) -> Iterator[Executor]:
     """So many processes of this machine, one per processor that this one may use if not given.
 
-    They end with this process, however it ends, and at once where an error ends the work.
+    They end with this process, however it ends, and at once where an error or Ctrl-C ends the work.
     """
     before, spawn = multiprocessing.active_children(), multiprocessing.get_context("spawn")
-    with for_this_process_alone():
-        executor = _Processes(jobs or processors(), spawn, _end_with_parent)
-    with executor:
+    with ProcessPoolExecutor(jobs or processors(), spawn, _end_with_parent) as executor:
         try:
             yield executor
         except BaseException:
@@ -36,15 +32,9 @@ def processors() -> int:
     return len(os.sched_getaffinity(0)) if known else os.cpu_count() or 1
 
 
-class _Processes(ProcessPoolExecutor):
-    def submit(self, *arguments: Any, **named: Any) -> Future[Any]:
-        """Submit; the process that this may begin never sees an interrupt."""
-        with for_this_process_alone():
-            return super().submit(*arguments, **named)
-
-
 def _end_with_parent() -> None:
-    """In a process that computes: end as soon as its parent has, which may have been killed."""
+    """In a process that computes: leave Ctrl-C to its parent, and end as soon as that has ended."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
     parent = multiprocessing.parent_process()
     assert parent is not None
 
@@ -53,18 +43,3 @@ def _end_with_parent() -> None:
         os._exit(1)
 
     threading.Thread(target=wait, daemon=True).start()
-
-
-@contextlib.contextmanager
-def cluster(address: str) -> Iterator[Executor]:
-    """The workers of the Dask scheduler at an address, such as "tcp://host:8786".
-
-    Raises OSError where there is none, BrokenExecutor when a unit has lost several workers.
-    """
-    import distributed  # this takes a second, and only a cluster needs it
-
-    with distributed.Client(address, timeout=10, set_as_default=False) as client:
-        try:
-            yield client.get_executor(pure=False)
-        except distributed.KilledWorker as error:
-            raise BrokenExecutor("workers were killed") from error

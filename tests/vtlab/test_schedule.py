@@ -12,13 +12,12 @@ from functools import partial
 import numpy as np
 import pytest
 from attrs import evolve
-from distributed import Client, LocalCluster
 
 from vtbook.experiments.rooms import ROOMS_EVALUATION
 from vtlab import schedule, store
 from vtlab.schedule import join_finished, keep
 from vtlab.units import compute, units_of
-from vtlab.workers import cluster, processes
+from vtlab.workers import processes
 from vtlib.files import TornResult
 from vtlib.training import Diverged
 
@@ -75,13 +74,7 @@ def test_an_error_of_one_unit_keeps_what_the_others_have_done(tiny, stored, here
     assert list((stored / "parts" / "tiny").glob("GVT-*.json"))
 
 
-def test_workers_of_other_versions_and_parts_of_another_configuration_are_refused(
-    tiny, here, tmp_path, monkeypatch
-):
-    monkeypatch.setattr(schedule, "__version__", "0.0")  # here, not in the workers
-    with pytest.raises(ValueError, match=r"workers must have vtlib 0\.0, one has "):
-        schedule.complete([tiny], tmp_path, here)
-    assert not list(tmp_path.rglob("*.npz"))
+def test_parts_of_another_configuration_are_refused(tiny, tmp_path):
     store.save(tmp_path / units_of(tiny.pool)[0].part, {"x": np.zeros(1)}, {"seconds": 1.0})
     with pytest.raises(TornResult, match="another configuration"):
         schedule.complete([tiny], tmp_path)
@@ -107,51 +100,25 @@ def test_the_time_of_a_unit_is_expected_as_it_was_for_the_stored_runs(tiny, monk
         assert units_of(tiny)[0].expected_seconds > 0
 
 
-def test_a_scheduler_that_is_not_there_is_named(monkeypatch):
-    short = partial(Client, set_as_default=False, timeout=0.5)
-    monkeypatch.setattr("distributed.Client", lambda address, **_: short(address))
-    address = "tcp://127.0.0.1:9"
-    with pytest.raises(OSError, match=re.escape(address)), cluster(address):
-        pass
-
-
-@pytest.fixture
-def interrupted(tiny, computed, tmp_path):
-    """Complete a small experiment whose sources are stored, and kill once a unit is kept."""
+def test_a_process_that_is_killed_ends_the_work_which_goes_on_where_it_was(
+    tiny, computed, tmp_path
+):
     shutil.copytree(computed / "tiny-pool", tmp_path / "tiny-pool")
     small = evolve(tiny, algorithms={label: tiny.algorithms[label] for label in ("NT", "GVT")})
 
-    def complete(executor):
+    def kill_once_a_unit_is_kept(victim):
+        while not list((tmp_path / "parts").rglob("*.json")):
+            time.sleep(0.005)
+        os.kill(victim, signal.SIGKILL)
+
+    with processes(1) as executor:
         victim = executor.submit(os.getpid).result()
-
-        def kill():
-            while not list((tmp_path / "parts").rglob("*.json")):
-                time.sleep(0.005)
-            os.kill(victim, signal.SIGKILL)
-
-        killer = threading.Thread(target=kill)
+        killer = threading.Thread(target=kill_once_a_unit_is_kept, args=[victim])
         killer.start()
-        try:
+        with pytest.raises(BrokenExecutor):
             schedule.complete([small], tmp_path, executor)
-        finally:
-            killer.join()
-
-    yield complete
+        killer.join()
     schedule.complete([small], tmp_path)
     for owner, label in store.results_of(small):
         a, b = (store.stored(owner, label, root)[0] for root in (computed, tmp_path))
         assert store.same_arrays(a, b), label
-
-
-def test_a_process_that_is_killed_ends_the_work_which_goes_on_where_it_was(interrupted):
-    with pytest.raises(BrokenExecutor), processes(1) as executor:
-        interrupted(executor)
-
-
-def test_units_of_a_worker_of_a_cluster_that_is_killed_move_to_another(interrupted):
-    alone = {"dashboard_address": "127.0.0.1:0", "scheduler_kwargs": {"dashboard": False}}
-    with (
-        LocalCluster(n_workers=2, threads_per_worker=1, **alone) as there,
-        cluster(there.scheduler_address) as executor,
-    ):
-        interrupted(executor)
