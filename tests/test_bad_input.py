@@ -1,4 +1,4 @@
-"""Bad input to algorithms: one line with the name and the value; and all else can be learned with.
+"""Bad input to the method: one line with the name and the value; and all else can be learned with.
 
 What tasks, results and the command line refuse is tested beside those.
 """
@@ -6,6 +6,7 @@ What tasks, results and the command line refuse is tested beside those.
 import math
 
 import attrs
+import gymnasium as gym
 import numpy as np
 import pytest
 import torch
@@ -14,10 +15,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from torch import nn
 
+import vtlib
 from vtbook import neighbours
 from vtlab.bases import RBFLinear
 from vtlib.baselines import DDQNSettings, FineTuning, MellowTDSettings
 from vtlib.checks import LARGEST, SHOWN, one_line, shown
+from vtlib.learned import Learned
+from vtlib.pool import Pool
 from vtlib.qfunctions import MLP, ModuleQ
 from vtlib.replay import Transition
 from vtlib.rng import Rng
@@ -80,6 +84,45 @@ def test_every_field_refuses_what_it_cannot_be(config):
             message = refused(evolve, config, **{name: value})
             assert message.startswith(f"{name} must ")
             assert message.endswith(f", got {shown(value)}")
+
+
+ENVS, CART = [gym.make("CartPole-v1")], MLP((4, 3, 2))
+WEIGHTS, RUNS, NONE = torch.ones(1, 1, CART.d), torch.ones(1), torch.empty(0, dtype=torch.int64)
+PARTS = WEIGHTS, NONE, torch.empty(1, 0), RUNS.long(), RUNS.bool()
+LEARNED = Learned(*PARTS, q=CART, settings=Trust())
+LEARNING = {"envs": ENVS, "q": CART, "iterations": 1, "trials": 0, "seed": 0, "callback": None}
+PLAYING = {"envs": ENVS, "q": CART, "weights": WEIGHTS, "episodes": 1, "gamma": 0.9, "seed": 0}
+MORE = {"learned": LEARNED, "envs": ENVS, "iterations": 1, "callback": None}
+FRONT_DOOR = [
+    (vtlib.solve, {**LEARNING, "settings": None}),
+    (vtlib.transfer, {**LEARNING, "sources": WEIGHTS[0], "settings": None, "device": "cpu"}),
+    (vtlib.evaluate, PLAYING),
+    (vtlib.play, PLAYING),
+    (vtlib.resume, MORE),
+    (Pool(CART).add, {"task": "t", "learned": LEARNED, "env": ENVS[0], "run": 0}),
+    (LEARNED.predict, {"obs": np.zeros(4), "run": 0}),
+    (LEARNED.values, {"obs": np.zeros(4), "run": 0}),
+    (ModuleQ, {"module": nn.Linear(4, 2), "n_actions": 2}),
+    (Learned.load, {"path": "nothing.npz"}),
+    (LEARNED.save, {"path": "/dev/null/x"}),
+]
+ODD = [*(x for x in NO_NUMBER if type(x) is not np.int64), "a\nb", "/", b"x", -1, 2.5, [], {}, ()]
+ODD += [[None], object(), len, int, Settings, np.ones((2, 3)), np.full(4, math.nan), np.array("x")]
+ODD += [torch.ones(3), math.nan * WEIGHTS, WEIGHTS.double(), Q]
+# what is odd elsewhere, and right here
+RIGHT = {"settings": [None], "callback": [None, len, int, Settings], "task": ["3"]}
+RIGHT["path"] = ["3", "a\nb"]
+
+
+@pytest.mark.parametrize(("call", "arguments"), FRONT_DOOR)
+def test_every_argument_of_the_front_door_refuses_what_it_cannot_be(call, arguments):
+    for name in arguments:
+        for value in ODD:
+            if shown(value) not in map(shown, RIGHT.get(name, ())):
+                message = refused(call, **{**arguments, name: value})
+                assert name in message, value
+                assert any(word in message for word in (" must ", "needs ")), message
+                assert "got" in message
 
 
 def test_parts_of_a_setting_that_do_not_go_together_are_refused():

@@ -23,7 +23,7 @@ WORDS = {
     "rooms_likelihood": 300,
     "rooms_number_of_sources": 220,
     "cartpole": 385,
-    "mountain_car": 580,
+    "mountain_car": 550,
     "mazes": 660,
     "prior_weight": 335,
     "calibration": 550,

@@ -188,7 +188,6 @@ def test_a_file_that_is_not_whole_is_named(tmp_path):
     ("call", "message"),
     [
         (partial(evaluate, [ENDLESS], Q, BOTH[:1, None]), "got 50 steps .*TimeLimit ends"),
-        (partial(evaluate, ENV, Q, BOTH[:1, None]), "envs must be of type Sequence"),
         (partial(solve, [NAN], Q, 10), "rewards must be finite, .* gave nan"),
         (partial(evaluate, [BLIND], Q, BOTH[:1, None]), "needs 4 finite numbers to see, .* gave"),
         (partial(transfer, [ENV], Q, SOURCES, 10, device="cuda:99"), r"device .*got 'cuda:99'"),

@@ -90,9 +90,3 @@ def test_a_module_has_to_be_given_again(tmp_path):
     for wrong in (None, other):
         with pytest.raises(ValueError, match=r"q must be the saved .*ModuleQ.*, got "):
             Learned.load(tmp_path / "x.npz", wrong)
-
-
-def test_a_folder_is_no_file(tmp_path):
-    for call in (learned().save, Learned.load):
-        with pytest.raises(ValueError, match="path must be a file"):
-            call(tmp_path)

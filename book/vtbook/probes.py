@@ -120,10 +120,3 @@ class StabilityProbe(Probe):
             "spread": self._q.q(self._samples(agent, FEWER), x).std(1).mean((1, 2)),
             "step": torch.stack(steps).amax(0).float(),
         }
-
-
-class CourseProbe(Probe):
-    """The posterior's means (R, T, C, d), and the size of its covariances' factors (R, T)."""
-
-    def _note(self, agent: VariationalTransfer) -> dict[str, Tensor]:
-        return {"mean": agent.mu.detach().clone(), "size": agent.scale_tril.flatten(1).norm(dim=1)}

@@ -7,7 +7,7 @@ from attrs import evolve
 
 from vtbook.checkpoints import pauses
 from vtbook.credible_intervals import LEVELS, values_at
-from vtbook.probes import CourseProbe, CoverageProbe, StabilityProbe
+from vtbook.probes import CoverageProbe, StabilityProbe
 from vtlab.envs.rooms import RoomsFamily, plan
 from vtlab.experiment import Pool
 from vtlab.run import prepare, run_batch, targets
@@ -66,21 +66,6 @@ def test_looking_disturbs_nothing(rooms, poles, weights, label):
         alone = run_batch(experiment, label, [2], pool)
         for key in seen.keys() - {"inside"}:
             np.testing.assert_allclose(alone[key][0], arrays[key][1], rtol=1e-3, atol=1e-4)
-
-
-@pytest.mark.parametrize("label", ["2-MGVT", "GVT"])
-def test_the_course_of_a_run_is_that_of_its_means(poles, weights, label):
-    agent = prepare(poles, label, [0, 2], weights[:3]).agent
-    probe = CourseProbe(poles, label, [0, 2], targets(poles, [0, 2]))
-    means = []
-    for factor in (1.0, 2.0):
-        probe.look(scaled(agent, factor))
-        means.append(agent.mu.detach().clone())
-        agent.mu.data.add_(1.0)
-    runs, components, d = means[0].shape
-    np.testing.assert_array_equal(probe.arrays["mean"], torch.stack(means, 1))
-    sizes = np.tile([1.0, 2.0], (runs, 1)) * (components * d) ** 0.5
-    np.testing.assert_allclose(probe.arrays["size"], sizes, rtol=1e-5)
 
 
 def test_a_wide_posterior_covers_more_than_a_narrow_one_which_errs_as_its_mean(rooms, probe):

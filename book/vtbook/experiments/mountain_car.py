@@ -5,7 +5,6 @@ from attrs import evolve
 from vtbook.experiments.grids import sliders_of
 from vtbook.experiments.protocols import as_published, fine_tuning, transfer
 from vtbook.neighbours import UntouchedSettings
-from vtbook.probes import CourseProbe
 from vtlab.envs.mountain_car import MountainCarFamily
 from vtlab.experiment import Experiment, Pool
 from vtlib.baselines import DDQNSettings, MellowTDSettings
@@ -59,16 +58,6 @@ CAR_UNTOUCHED = evolve(
     name="mountain-car-untouched",
     iterations=5_000,
     algorithms={"untouched": UntouchedSettings()},
-)
-# The first run once more, to look at what its networks believe on their way.
-CAR_COURSE = evolve(
-    CAR,
-    name="mountain-car-course",
-    algorithms={label: CAR.algorithms[label] for label in ("GVT", "1-MGVT")},
-    runs=1,
-    every=2_500,
-    probes=1,
-    probe=CourseProbe,
 )
 # Nobody had checked the published sources: they are what so many iterations leave.
 CAR_UNCHECKED = evolve(

@@ -94,32 +94,19 @@ class ParameterBatch(TaskBatch):
 
 
 @frozen
-class Plane:
-    """Two coordinates of a state, the others being zero, and how to show values over them."""
-
-    axes: tuple[int, int]
-    ends: tuple[tuple[float, float], tuple[float, float]]
-    labels: tuple[str, str]
-    units: tuple[float, float]  #: Units of the labels, in those of the state.
-    values: tuple[float, float]  #: Range of the colours.
-    start: tuple[float, ...]  #: State from which a policy's path is drawn.
-
-
-@frozen
 class TaskFamily(ABC):
     """A distribution over tasks, and the one record of what its environment brings to experiments.
 
     `parameters` are the fields that tell its tasks apart, `limits` those of the axis of returns in
     figures, `scale` the deviation of a network's first weights (0 for a linear Q-function),
-    `window` how many of the last episodes the learning return is a mean of, and `plane` what values
-    are mapped over, if they can be. `kernel` is the name of its kernel in `vtlab.native`, if any.
+    `window` how many of the last episodes the learning return is a mean of, and `kernel` the name
+    of its kernel in `vtlab.native`, if any.
     """
 
     parameters: ClassVar[tuple[str, ...]]
     limits: ClassVar[tuple[float, float]]
     scale: ClassVar[float] = 0.1
     window: ClassVar[int] = 50
-    plane: ClassVar[Plane | None] = None
     kernel: ClassVar[str] = ""
 
     # Tasks are Any here, because each family has its own class of them.

@@ -1,20 +1,17 @@
 """Cartpole: what it brings to the experiments."""
 
-import math
-
 import numpy as np
 import torch
 from attrs import frozen
 from torch import Tensor
 
-from vtlab.envs.base import Plane, TaskFamily
-from vtlab.envs.cartpole.tasks import ANGLE_LIMIT, Cartpole
+from vtlab.envs.base import TaskFamily
+from vtlab.envs.cartpole.tasks import Cartpole
 from vtlib.qfunctions import MLP
 
 __all__ = ["Cartpole", "CartpoleFamily"]
 
 WHOLE_EPISODE = (1 - Cartpole.gamma**Cartpole.horizon) / (1 - Cartpole.gamma)
-SPIN = 2.0  # rad/s, the largest angular velocity shown
 
 
 @frozen
@@ -24,14 +21,6 @@ class CartpoleFamily(TaskFamily):
     parameters = Cartpole.parameters
     limits = (0.0, 68.0)
     kernel = "cartpole"
-    plane = Plane(
-        axes=(2, 3),
-        ends=((-ANGLE_LIMIT, ANGLE_LIMIT), (-SPIN, SPIN)),
-        labels=("angle (degrees)", "angular velocity (rad/s)"),
-        units=(math.pi / 180, 1.0),
-        values=(0.0, 100.0),
-        start=(0.0, 0.0, 0.1, 0.0),
-    )
 
     def q(self) -> MLP:
         """A network with one hidden layer of 32 units: 226 weights."""

@@ -5,9 +5,9 @@ import torch
 from attrs import evolve, field, frozen
 from torch import Tensor
 
-from vtlab.envs.base import Plane, TaskFamily
+from vtlab.envs.base import TaskFamily
 from vtlab.envs.mountain_car.plan import mean_return
-from vtlab.envs.mountain_car.tasks import GOAL, MAX_SPEED, POSITIONS, MountainCar
+from vtlab.envs.mountain_car.tasks import MountainCar
 from vtlib.checks import between
 from vtlib.qfunctions import MLP
 
@@ -26,14 +26,6 @@ class MountainCarFamily(TaskFamily):
     parameters = MountainCar.parameters
     limits = (-90.0, -35.0)
     kernel = "mountain_car"
-    plane = Plane(
-        axes=(0, 1),
-        ends=((POSITIONS[0], GOAL), (-MAX_SPEED, MAX_SPEED)),
-        labels=("position", "velocity (per step)"),
-        units=(1.0, 1.0),
-        values=(-90.0, 0.0),
-        start=(-0.5, 0.0),
-    )
 
     def q(self) -> MLP:
         """A network with one hidden layer of 64 units: 387 weights."""
