@@ -21,7 +21,6 @@ from vtlab.bases import RBFLinear
 from vtlib.baselines import DDQNSettings, FineTuning, MellowTDSettings
 from vtlib.checks import LARGEST, SHOWN, one_line, shown
 from vtlib.learned import Learned
-from vtlib.pool import Pool
 from vtlib.qfunctions import MLP, ModuleQ
 from vtlib.replay import Transition
 from vtlib.rng import Rng
@@ -90,16 +89,14 @@ ENVS, CART = [gym.make("CartPole-v1")], MLP((4, 3, 2))
 WEIGHTS, RUNS, NONE = torch.ones(1, 1, CART.d), torch.ones(1), torch.empty(0, dtype=torch.int64)
 PARTS = WEIGHTS, NONE, torch.empty(1, 0), RUNS.long(), RUNS.bool()
 LEARNED = Learned(*PARTS, q=CART, settings=Trust())
-LEARNING = {"envs": ENVS, "q": CART, "iterations": 1, "trials": 0, "seed": 0, "callback": None}
+LEARNING = {"envs": ENVS, "q": CART, "iterations": 1, "seed": 0, "callback": None}
 PLAYING = {"envs": ENVS, "q": CART, "weights": WEIGHTS, "episodes": 1, "gamma": 0.9, "seed": 0}
 MORE = {"learned": LEARNED, "envs": ENVS, "iterations": 1, "callback": None}
 FRONT_DOOR = [
-    (vtlib.solve, {**LEARNING, "settings": None}),
+    (vtlib.solve, {**LEARNING, "settings": None, "trials": 0}),
     (vtlib.transfer, {**LEARNING, "sources": WEIGHTS[0], "settings": None, "device": "cpu"}),
     (vtlib.evaluate, PLAYING),
-    (vtlib.play, PLAYING),
     (vtlib.resume, MORE),
-    (Pool(CART).add, {"task": "t", "learned": LEARNED, "env": ENVS[0], "run": 0}),
     (LEARNED.predict, {"obs": np.zeros(4), "run": 0}),
     (LEARNED.values, {"obs": np.zeros(4), "run": 0}),
     (ModuleQ, {"module": nn.Linear(4, 2), "n_actions": 2}),
@@ -110,7 +107,7 @@ ODD = [*(x for x in NO_NUMBER if type(x) is not np.int64), "a\nb", "/", b"x", -1
 ODD += [[None], object(), len, int, Settings, np.ones((2, 3)), np.full(4, math.nan), np.array("x")]
 ODD += [torch.ones(3), math.nan * WEIGHTS, WEIGHTS.double(), Q]
 # what is odd elsewhere, and right here
-RIGHT = {"settings": [None], "callback": [None, len, int, Settings], "task": ["3"]}
+RIGHT = {"settings": [None], "callback": [None, len, int, Settings]}
 RIGHT["path"] = ["3", "a\nb"]
 
 
