@@ -25,12 +25,12 @@ WORDS = {
     "cartpole": 385,
     "mountain_car": 550,
     "mazes": 660,
-    "prior_weight": 335,
+    "prior_weight": 355,
     "calibration": 550,
-    "controls": 705,
+    "controls": 735,
     "comparison": 475,
-    "recommended": 800,
-    "guide": 655,
+    "recommended": 875,
+    "guide": 680,
     "conclusions": 475,
 }
 APPENDIX = "parameters", "scorecard", "deviations", "reproducing", "glossary"
