@@ -2,13 +2,9 @@
 
 import pytest
 
-from vtbook.experiments.grids import POSTERIORS, PSIS, slider_lambdas
-from vtbook.experiments.mountain_car import CAR
+from vtbook.experiments.grids import POSTERIORS
 from vtbook.experiments.protocols import transfer_settings
-from vtbook.experiments.rooms import (
-    ROOMS_EVALUATION,
-    ROOMS_LAMBDAS,
-)
+from vtbook.experiments.rooms import ROOMS_EVALUATION, ROOMS_LAMBDAS
 
 
 def handles_of(page):
@@ -31,10 +27,6 @@ def test_search_finds_a_word_of_the_text(visit, page):
     assert not page.foreign
 
 
-# Two pages whose sliders differ, with their experiments.
-SETTINGS = {"mountain_car": CAR, "rooms_evaluation": ROOMS_EVALUATION}
-
-
 SHOWN = (
     "[...document.querySelectorAll('.widget-subarea :is(img, svg.curves)')]"
     ".filter(one => one.checkVisibility())"
@@ -50,30 +42,11 @@ def assert_shown(page, setting):
 
 
 @pytest.mark.usefixtures("vendored")
-@pytest.mark.parametrize("name", SETTINGS)
-def test_each_slider_shows_the_picture_of_its_setting(visit, page, name):
-    experiment = SETTINGS[name]
-    label = next(label for label in experiment.algorithms if label.startswith("1-MGVT"))
-    base = transfer_settings(experiment, label)
-    lambdas = ROOMS_LAMBDAS if name.startswith("rooms") else slider_lambdas(base)
-    values = [[f"lambda = {x:.0e}," for x in lambdas]]
-    values += [[f"psi = {x:g}," for x in PSIS], [f" {x};" for x in POSTERIORS]]
-    visit(f"book/{name}.html")
-    first, second, third = handles_of(page)
-    current = [f"lambda = {base.lambda_:.0e},", f"psi = {base.psi:g},", " 1-MGVT;"]
-    assert_shown(page, current)
-    for axis, handle in enumerate((first, second, third)):
-        for at, text in enumerate(values[axis]):
-            handle.press("ArrowRight" if at else "Home")
-            current[axis] = text
-            assert_shown(page, current)
-
-
-def test_a_state_of_the_sliders_can_be_linked(visit, page):
+def test_sliders_show_the_picture_of_their_setting_and_a_state_can_be_linked(visit, page):
     base = transfer_settings(ROOMS_EVALUATION, "1-MGVT")
     visit("book/rooms_evaluation.html")
     url = page.url
-    *_, power, psi, _ = handles_of(page)
+    power, psi, _ = handles_of(page)
     assert "#" not in page.url
     power.press("End")
     psi.press("Home")
