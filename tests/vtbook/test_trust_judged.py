@@ -6,9 +6,8 @@ import pytest
 from vtbook import judgement
 from vtbook.experiments.compared import ENVIRONMENTS, FOUR
 from vtbook.experiments.trust import LOSS, OURS, PICKED, PLACES, picked
-from vtbook.judgement import Contrast, contrasts
+from vtbook.judgement import Contrast
 from vtlab.stats import Interval
-from vtlab.store import results_folder
 
 
 def test_the_best_source_is_fine_tuned_as_earned_most():
@@ -30,28 +29,6 @@ def test_the_best_source_is_fine_tuned_as_earned_most():
 )
 def test_a_verdict_needs_the_test_or_the_interval(centre, low, p, verdict):
     assert Contrast("a", "b", Interval(centre, low, 2 * centre - low), p).verdict == verdict
-
-
-def mean_shares_of(experiment, label, first):
-    """What each run earned, as a share of the optimum, from the files alone."""
-    folder = results_folder() / experiment.name
-    stored, tasks = np.load(folder / f"{label}.npz"), np.load(folder / "tasks.npz")
-    mean = stored["learning"][:, stored["iterations"] >= first].mean(1)
-    return mean / tasks["optimum"].mean()
-
-
-def assert_paired(found, one, other):
-    """An interval is Student's of the differences of two algorithms' runs."""
-    gain = one - other
-    half = 2.0452 * gain.std(ddof=1) / 30**0.5
-    np.testing.assert_allclose(found, [gain.mean(), gain.mean() - half, gain.mean() + half], 1e-3)
-
-
-def test_a_contrast_is_what_the_files_say():
-    place, rival = PLACES[0], "NT"
-    one, other = (mean_shares_of(place.experiment, x, place.first) for x in (OURS, rival))
-    (found,) = [x for x in contrasts() if (x.place, x.rival) == (place.title, rival)]
-    assert_paired(found.gain, one, other)
 
 
 def test_the_farthest_shortfall_is_behind_the_best_of_a_place(monkeypatch):
