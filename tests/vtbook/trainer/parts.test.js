@@ -2,12 +2,9 @@
 "use strict";
 
 const assert = require("node:assert/strict");
-const fs = require("node:fs");
-const path = require("node:path");
 const test = require("node:test");
-const vm = require("node:vm");
 
-const { STATIC, panel, worker, setup, pool } = require("./given.js");
+const { panel, worker, setup, pool } = require("./given.js");
 const wasm = Buffer.from(setup.wasm, "base64");
 
 const close = (a, b, within = 1e-6) => assert.ok(Math.abs(a - b) <= within, `${a} is not ${b}`);
@@ -22,12 +19,6 @@ const means = (one, steps) => {
   for (let i = 0; i < steps; i++) one.advance();
   return [...one.floats("means", 484)];
 };
-
-test("every script of the book can be read", () => {
-  for (const name of fs.readdirSync(STATIC).filter((x) => x.endsWith(".js"))) {
-    new vm.Script(fs.readFileSync(path.join(STATIC, name), "utf8"), { filename: name });
-  }
-});
 
 test("the kernel gets numbers, a Gaussian one component, and every seed is one", () => {
   const told = { family: "MGVT", power: "-1", psi: "0.25", components: "3", sources: "2", pool: "1", seed: "7", task: [5, 9.5, 2] };
