@@ -59,10 +59,6 @@ def test_holms_p_values_are_those_of_its_steps():
     # 4 * .005, 3 * .01, 2 * .03, and .04, which must not be less than the one before
     np.testing.assert_allclose(holm(np.array([0.01, 0.04, 0.03, 0.005])), [0.03, 0.06, 0.06, 0.02])
     np.testing.assert_allclose(holm(np.array([0.9, 0.6])), [1.0, 1.0])
-    # a false finding among twenty is as rare as its level: by independence
-    # 1 - (1 - .05 / 20)^20 = .0488, within three standard errors
-    false = [(holm(p) < 0.05).any() for p in rng().random((2000, 20))]
-    assert abs(np.mean(false) - 0.0488) < 3 * (0.0488 / 2000) ** 0.5
 
 
 def test_paired_runs_are_tested_by_their_differences():
@@ -71,21 +67,11 @@ def test_paired_runs_are_tested_by_their_differences():
     assert paired_p(base + shift, base) == pytest.approx(2 * student.sf(abs(t), 29), rel=1e-6)
 
 
-def pair(g):
-    """Pairs that share half of their variance; the ratio of their deviations is 2."""
-    shared, own = g.standard_normal((2, 20))
-    return 3 + 2 * (shared + own) / math.sqrt(2), 5 + shared
-
-
-# Standard errors up to 0.02. A percentile bootstrap of twenty pairs is a little short.
-@pytest.mark.parametrize(
-    ("find", "truth", "least", "most"),
-    [
-        (lambda g: ratio_interval(*pair(g)), 0.6, 0.92, 0.985),
-        (lambda g: spread_interval(*pair(g), g, 200), 2.0, 0.86, 0.985),
-    ],
-)
-def test_intervals_cover_what_they_estimate(find, truth, least, most):
-    g = rng(3)
-    found = [find(g) for _ in range(200)]
-    assert least < np.mean([low <= truth <= high for _, low, high in found]) < most
+def test_an_interval_of_a_ratio_of_deviations_covers_it():
+    g, covered = rng(3), []
+    for _ in range(200):
+        shared, own = g.standard_normal((2, 20))  # pairs share half of their variance
+        _, low, high = spread_interval(2 * (shared + own) / math.sqrt(2), shared, g, 200)
+        covered.append(low <= 2.0 <= high)
+    # standard error 0.02; a percentile bootstrap of twenty pairs is a little short
+    assert 0.86 < np.mean(covered) < 0.985
