@@ -27,7 +27,9 @@ def opened(book, page):
         file, _, setting = name.partition(".html#")
         address = (book / "book" / f"{file}.html").as_uri()
         page.goto(f"{address}#{setting}" if setting else address, wait_until="load")
-        return page.locator(".trainer")
+        panel = page.locator(".trainer")
+        shows(panel, ".says", "^Ready|SIMD")
+        return panel
 
     yield panel_of
     assert not page.faults
@@ -50,7 +52,6 @@ def finished(panel):
 
 def test_a_reader_moves_the_doors_trains_and_sees_transfer_pay(opened, page):
     panel, messages = opened(), []
-    shows(panel, ".says", "^Ready")
     page.on("console", lambda message: messages.append(message.text))  # not the theme's
     lower, upper = panel.get_by_role("slider", name="Lower door"), panel.locator(".door").last
     lower.drag_to(panel.locator(".map"))
@@ -71,7 +72,6 @@ def test_a_reader_moves_the_doors_trains_and_sees_transfer_pay(opened, page):
 
 def test_training_stops_at_once_steps_and_begins_anew(opened):
     panel = opened()
-    shows(panel, ".says", "^Ready")
     panel.get_by_role("combobox").select_option(label="500 a second")
     panel.get_by_role("button", name="Run").click()
     shows(panel, ".iteration", "[1-9]")
@@ -98,7 +98,6 @@ SEEN = """shown => {
 def test_where_motion_is_not_wanted_the_panel_moves_every_500_iterations_alone(opened, page):
     page.emulate_media(reduced_motion="reduce")
     panel = opened()
-    shows(panel, ".says", "^Ready")
     panel.locator(".iteration").evaluate(SEEN)
     panel.get_by_role("combobox").select_option(label="500 a second")
     panel.get_by_role("button", name="Run").click()
@@ -109,7 +108,6 @@ def test_where_motion_is_not_wanted_the_panel_moves_every_500_iterations_alone(o
 def test_where_motion_is_not_wanted_who_drives_is_seen_at_the_end_alone(opened, page):
     page.emulate_media(reduced_motion="reduce")
     panel = opened("mountain_car")
-    shows(panel, ".says", "^Ready")
     panel.get_by_label("at the wheel").select_option(label="source 1")
     panel.get_by_role("button", name="Drive").click()
     shows(panel, ".drove", "source 1. It arrived after .*return")
@@ -142,7 +140,6 @@ def test_a_cart_and_a_car_train_better_than_without_transfer_and_are_driven(name
 
 def test_the_recommended_method_says_who_plays_and_has_nothing_to_set(opened, page):
     panel = opened("mountain_car")
-    shows(panel, ".says", "^Ready")
     panel.get_by_label("Trust").check()
     assert panel.get_by_label("lambda").is_disabled()
     shown = trained(panel)
@@ -156,7 +153,6 @@ def test_the_recommended_method_says_who_plays_and_has_nothing_to_set(opened, pa
 
 def test_who_drives_is_seen_while_training_goes_on(opened, page):
     panel = opened("mountain_car")
-    shows(panel, ".says", "^Ready")
     panel.get_by_role("combobox", name="speed").select_option(label="50 a second")
     panel.get_by_role("button", name="Run").click()
     shows(panel, ".drove", "In training")
@@ -229,7 +225,6 @@ def test_a_curve_is_pinned_before_lambda_moves_and_the_thesis_setting_comes_back
 
 def test_another_task_is_drawn_and_the_optimum_is_that_of_the_task(opened):
     panel = opened("mountain_car")
-    shows(panel, ".says", "^Ready")
     engine, optimum = panel.get_by_label("engine"), panel.locator(".optimum")
     speeds = set()
     for _ in range(3):
@@ -245,7 +240,6 @@ def test_another_task_is_drawn_and_the_optimum_is_that_of_the_task(opened):
 
 def test_a_setting_is_linked_from_disk_beside_those_of_sliders(opened, page):
     panel = opened("rooms_evaluation")
-    shows(panel, ".says", "^Ready")
     assert not link_of(page)
     panel.get_by_label("lambda, weight of the KL term, as").press("Home")
     panel.get_by_label("seed").fill("77")
@@ -254,7 +248,6 @@ def test_a_setting_is_linked_from_disk_beside_those_of_sliders(opened, page):
     assert link == "panel=MGVT_-8.1_0.5_1_10_77_0_9.5_8"
     page.goto("about:blank")
     panel = opened(f"rooms_evaluation.html#psi=2&{link}")
-    shows(panel, ".says", "^Ready")
     assert panel.get_by_label("lambda, weight of the KL term, as").input_value() == "-8.1"
     assert panel.get_by_label("seed").input_value() == "77"
     assert panel.locator(".door").first.get_attribute("aria-valuenow") == "9.5"
@@ -264,7 +257,6 @@ def test_a_setting_is_linked_from_disk_beside_those_of_sliders(opened, page):
 
 def test_a_link_that_makes_no_sense_gives_a_setting_that_can_be_trained(opened, page):
     panel = opened("index.html#panel=%3Cb%3E_9e9_x_99_-3_1e99_7_x_1e9")
-    shows(panel, ".says", "^Ready")
     held = [panel.locator(f"[name={x}]").input_value() for x in ("power", "components", "sources")]
     assert held == ["-1", "3", "1"]
     doors = panel.locator(".door").evaluate_all("x => x.map(y => y.ariaValueNow)")
@@ -275,7 +267,6 @@ def test_a_link_that_makes_no_sense_gives_a_setting_that_can_be_trained(opened, 
 
 def test_a_setting_is_copied_as_a_cell_that_trains_it(opened):
     panel = opened("index")
-    shows(panel, ".says", "^Ready")
     panel.get_by_role("button", name="sources that mislead").click()
     panel.locator(".door").last.press("ArrowLeft")
     panel.get_by_label("lambda").press("Home")
