@@ -3,8 +3,9 @@
 In every place Trust is run once more with sources that never play: it learns from the first step,
 and plays what it learns. The difference is what playing the sources adds. In both kinds of rooms,
 where mixtures with eight updates are ahead, 1-MGVT with eight is run once more with a covariance
-that stays the prior's, and as a point under a prior of the same strength. The differences are what
-its posterior adds at as many updates. Settings were fixed before any run was looked at.
+that stays the prior's, as a point under a prior of the same strength, and as a point without one.
+The differences are what its parts add at as many updates. Settings were fixed before any run was
+looked at; the point without a prior was added when the others had been seen.
 """
 
 from attrs import evolve
@@ -16,7 +17,8 @@ from vtlab.experiment import Algorithm, Experiment
 from vtlib.trust import Trust
 
 ALONE = "sources never play"
-MIXTURE, STILL, AS_POINT = (f"1-MGVT{part}{EIGHT}" for part in ("", ", frozen", ", point"))
+_PARTS = ("", ", frozen", ", point", ", start alone")
+MIXTURE, STILL, AS_POINT, UNPULLED = (f"1-MGVT{part}{EIGHT}" for part in _PARTS)
 
 
 def _algorithms(place: Place) -> dict[str, Algorithm]:
@@ -26,7 +28,8 @@ def _algorithms(place: Place) -> dict[str, Algorithm]:
         still = evolve(mixture.settings, alpha_L=FROZEN)
         share = POINT**2 / still.sigma_p2  # the prior's weight on the mean is lambda / sigma^2
         point = evolve(still, sigma_p2=POINT**2, lambda_=still.lambda_ * share)
-        parts |= {STILL: evolve(mixture, settings=still), AS_POINT: evolve(mixture, settings=point)}
+        each = {STILL: still, AS_POINT: point, UNPULLED: evolve(point, lambda_=0.0)}
+        parts |= {label: evolve(mixture, settings=own) for label, own in each.items()}
     return parts
 
 
