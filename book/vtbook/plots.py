@@ -38,7 +38,7 @@ COLOURS = {
     "3-MGVT": "#009E73",
     "fine-tuned": "#6c4824",
     "fine-tuned, greedy": "#94793a",
-    "fine-tuned mean": "#882255",
+    "fine-tuned mean": "#66002d",
     "trust": "#7b61ff",
 }
 PUBLISHED = "#8a8a8a"  # a published curve's band
