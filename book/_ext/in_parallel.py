@@ -8,16 +8,16 @@ Python warning in a cell is one of the build.
 from __future__ import annotations
 
 import asyncio
+import math
 import os
 import tempfile
 import time
-from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor, as_completed
 from pathlib import Path
 from typing import Any
 
 from jupyter_cache import get_cache
 from jupyter_cache.base import CacheBundleIn
+from kernels import forked
 from myst_nb.core.read import create_nb_reader
 from nbclient import NotebookClient
 from nbclient.exceptions import CellControlSignal
@@ -30,29 +30,32 @@ AS_READ: dict[str, Any] = {"record_timing": False, "extra_arguments": ["--log-le
 AT_MOST = 4  # pages at a time: each has the stored runs that it shows in memory
 
 
-def run(page: NotebookNode, timeout: int) -> float | None:
-    """Run a page's cells; the seconds that they took, or None if one failed.
+async def run(path: Path, page: NotebookNode, room: asyncio.Semaphore, **how: Any) -> float:
+    """Run a page's cells; the seconds that they took, or infinity if one failed.
 
     They run in an empty folder, for a reader's notebook is not beside the book's files either.
     """
-    begin = time.monotonic()
-    with tempfile.TemporaryDirectory() as folder:
-        where = {"metadata": {"path": folder}}
-        client = NotebookClient(page, resources=where, timeout=timeout, **AS_READ)
+    async with room:
+        begin = time.monotonic()
         try:
-            asyncio.run(client.async_execute())
+            with tempfile.TemporaryDirectory() as folder:
+                where = {"metadata": {"path": folder}}
+                await NotebookClient(page, resources=where, **AS_READ, **how).async_execute()
         except (CellControlSignal, RuntimeError):  # RuntimeError: the kernel died
-            return None
-    return time.monotonic() - begin
+            return math.inf
+        seconds = time.monotonic() - begin
+        LOGGER.info(f"ran {path.stem} in {seconds:.0f} s")
+        return seconds
 
 
-def run_all(pages: dict[Path, NotebookNode], timeout: int) -> Iterator[tuple[Path, float]]:
-    """Run pages side by side; each that ran to its end, with the seconds that it took."""
-    with ThreadPoolExecutor(min(os.cpu_count() or 1, AT_MOST)) as threads:
-        running = {threads.submit(run, page, timeout): path for path, page in pages.items()}
-        for future in as_completed(running):
-            if (seconds := future.result()) is not None:
-                yield running[future], seconds
+async def run_all(pages: dict[Path, NotebookNode], timeout: int) -> list[float]:
+    """Run pages side by side, in their order; the seconds that each took."""
+    if not pages:
+        return []
+    room = asyncio.Semaphore(min(os.cpu_count() or 1, AT_MOST))
+    with forked() as manager:
+        how = {"timeout": timeout, "kernel_manager_class": manager}
+        return await asyncio.gather(*(run(*item, room, **how) for item in pages.items()))
 
 
 def read_page(env: Any, docname: str) -> NotebookNode | None:
@@ -84,10 +87,11 @@ def run_pages(app: Any, env: Any, docnames: list[str]) -> None:
     missing = [name for name in docnames if executed(app, name) is None]
     pages = {Path(env.doc2path(name)): read_page(env, name) for name in missing}
     pages = {path: page for path, page in pages.items() if page}
-    for path, seconds in run_all(pages, env.mystnb_config.execution_timeout):
-        LOGGER.info(f"ran {path.stem} in {seconds:.0f} s")
-        bundle = CacheBundleIn(pages[path], str(path), data={"execution_seconds": seconds})
-        cache.cache_notebook_bundle(bundle, check_validity=False, overwrite=True)
+    durations = asyncio.run(run_all(pages, env.mystnb_config.execution_timeout))
+    for (path, page), seconds in zip(pages.items(), durations, strict=True):
+        if seconds < math.inf:
+            bundle = CacheBundleIn(page, str(path), data={"execution_seconds": seconds})
+            cache.cache_notebook_bundle(bundle, check_validity=False, overwrite=True)
     for name in docnames:
         page = executed(app, name)
         for text in warnings_of(page) if page else ():

@@ -43,6 +43,7 @@ GLUE = re.compile(r"^from myst_nb import glue$", re.MULTILINE)
 PRINT = '''def glue(name, value, display=False):
     """Show a number that the text of the page has from here."""
     print(f"{name}: {value}")'''
+STARTING = 6.0  # seconds that a kernel needs to import what pages import
 RECORDED = "application/papermill.record/text/plain"  # the type of a number for the prose
 FOLDED = {"remove-cell", "hide-cell", "remove-input", "hide-input"}
 HEADING = re.compile(r"^```.*?^```$|^(#+ )", re.DOTALL | re.MULTILINE)  # or code, which has none
@@ -186,10 +187,11 @@ def text_page(app: Any, docname: str) -> str:
 
 
 def in_words(seconds: float) -> str:
-    """A page's duration in words; it includes the start of the kernel."""
-    if seconds < 90:
-        return f"{10 * math.ceil(seconds / 10)} seconds"
-    return f"{math.ceil(seconds / 60)} minutes"
+    """A page's duration in words, with the time that a kernel takes to start."""
+    whole = seconds + STARTING
+    if whole < 90:
+        return f"{10 * math.ceil(whole / 10)} seconds"
+    return f"{math.ceil(whole / 60)} minutes"
 
 
 def online(address: str, name: str) -> dict[str, str]:
