@@ -25,13 +25,13 @@ WORDS = {
     "cartpole": 365,
     "mountain_car": 525,
     "mazes": 635,
-    "prior_weight": 355,
+    "prior_weight": 365,
     "calibration": 550,
-    "controls": 735,
-    "comparison": 475,
-    "recommended": 875,
-    "guide": 680,
-    "conclusions": 475,
+    "controls": 740,
+    "comparison": 495,
+    "recommended": 890,
+    "guide": 700,
+    "conclusions": 485,
 }
 APPENDIX = "parameters", "scorecard", "deviations", "reproducing", "glossary"
 APPENDIX_WORDS = 2400
