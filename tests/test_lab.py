@@ -29,7 +29,8 @@ lab.copy_pages(*map(pathlib.Path, sys.argv[1:]))"""
 # Cells out of sight would not be drawn, and so not be looked at.
 WHOLE = {"@jupyterlab/notebook-extension:tracker": {"windowingMode": "none"}}
 OPEN = "document.querySelectorAll('.jp-Notebook .jp-Cell').length > 1"
-# Opens a page without a kernel: what of its text is not drawn, or is a formula and a wrong one.
+# Opens a page without a kernel: what of its text is not drawn, or is a formula and a wrong one;
+# and sliders that seem to miss a kernel, or leave a hole.
 READ = """async path => {
   const kernelPreference = { canStart: false, shouldStart: false, autoStartDefault: false };
   const { commands } = window.jupyterapp;
@@ -44,7 +45,11 @@ READ = """async path => {
   ];
   for (let i = 0; i < 1000 && (all(".jp-Cell").length < count || left().length); i++)
     await new Promise(done => setTimeout(done, 50));
-  const wrong = [...left(), ...all("mjx-merror, [data-mjx-error]")].map(one => one.outerHTML);
+  const off = ".still.jupyter-widgets-disconnected, .still .jupyter-widgets-disconnected";
+  const signed = all(off).filter(one => getComputedStyle(one, "::before").display !== "none");
+  const holes = all("svg.frame").filter(one => one.getBoundingClientRect().height > 1);
+  const errors = all("mjx-merror, [data-mjx-error]");
+  const wrong = [...left(), ...errors, ...signed, ...holes].map(one => one.outerHTML);
   const missing = count - all(".jp-Cell").length;
   page.dispose();
   return [missing, ...wrong];

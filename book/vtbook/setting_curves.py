@@ -82,7 +82,7 @@ class Frame:
         inside = re.sub(r"<!--.*?-->|<defs>\s*</defs>", "", inside)
         inside = re.sub(r"\s*\n\s*", " ", LONG.sub(_short, inside))
         return (
-            f'<svg class="frame" aria-hidden="true"><symbol id="{self._name}"'
+            f'<svg class="frame" aria-hidden="true" width="0" height="0"><symbol id="{self._name}"'
             f' viewBox="0 0 {self._width:.1f} {self._height:.1f}"'
             f' style="stroke-linejoin: round; stroke-linecap: butt">{inside}</symbol></svg>'
         )

@@ -18,6 +18,9 @@ from vtbook.rerun import NEW, first_runs
 from vtlab.experiment import Experiment
 from vtlib.transfer import Settings
 
+# What works without a kernel must not wear JupyterLab's sign of a kernel that is missing.
+UNSIGNED = """<style>.still.jupyter-widgets-disconnected::before,
+.still .jupyter-widgets-disconnected::before { display: none !important; }</style>"""
 LAMBDAS = (0.0, *(float(f"1e{power}") for power in range(-8, 0)))  # of the live panel
 
 
@@ -82,8 +85,8 @@ def still_sliders(
         for stack in stacks:
             ui.jsdlink((slider, "index"), (stack, "selected_index"))
         sliders.append(slider)
-    parts = [ui.HTML(shared())] if shared else []
-    return ui.VBox([*parts, *sliders, panel], layout=full())
+    once = ui.HTML(UNSIGNED + (shared() if shared else ""))
+    return ui.VBox([once, *sliders, panel], layout=full()).add_class("still")
 
 
 def _slider(axis: Axis) -> ui.SelectionSlider:
