@@ -31,8 +31,8 @@ class Learned:
     weights (R, C, d): final weights, those of each component's mean for a posterior. iterations
     (T,) and returns (R, T): mean discounted return of the last 50 episodes, NaN before the first
     has ended. steps (R,): of the environment. improved (R,): whether the weights learned are kept;
-    else they are the best source's (see ``transfer``). mu (R, C, d) and scale_tril
-    (R, C, d, d): means and factors L of the posterior learned, kept or not, or L's diagonals
+    else they are the best source's (see ``transfer``). mu (R, C, d) and scale_tril (R, C, d, d):
+    means and factors L of the posterior learned, kept or not, or L's diagonals
     (R, C, d) where it is diagonal; None without a posterior. reached (R, episodes): what ``solve``
     has reached, discounted returns of greedy play on fresh episodes. state: why ``Trust`` acted as
     it did, and all that it takes to go on (``Trusting.state``). interrupted: whether Ctrl-C ended

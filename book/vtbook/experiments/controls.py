@@ -18,23 +18,31 @@ from vtbook.experiments.mountain_car import CAR
 from vtbook.experiments.protocols import FROM_MEAN, transfer_settings
 from vtbook.experiments.rooms import ROOMS_CHANGE, ROOMS_EVALUATION, ROOMS_LIKELIHOOD
 from vtlab.experiment import Algorithm, Experiment
+from vtlib.transfer import Settings
 
 POINT = 1e-4  # deviation of the samples that stand for a point
 FROZEN = 1e-20  # steps on L that float32 cannot tell from none
 
 
+def without_parts(mixture: Settings) -> dict[str, Settings]:
+    """A mixture with a frozen covariance, as a point under the same pull, and without that pull."""
+    frozen = evolve(mixture, alpha_L=FROZEN)
+    # The weight of the prior on the mean is lambda / sigma^2: the same for the point.
+    share = POINT**2 / mixture.sigma_p2
+    point = evolve(frozen, sigma_p2=POINT**2, lambda_=mixture.lambda_ * share)
+    return {"frozen": frozen, "point": point, "start alone": evolve(point, lambda_=0.0)}
+
+
 def variants(experiment: Experiment) -> dict[str, Algorithm]:
     """1-MGVT and GVT of an experiment, without their parts; and fine-tuning of the mean."""
     mixture, gaussian = (transfer_settings(experiment, label) for label in ("1-MGVT", "GVT"))
-    # The weight of the prior on the mean is lambda / sigma^2: the same for the point.
-    share = POINT**2 / mixture.sigma_p2
-    point = evolve(mixture, sigma_p2=POINT**2, lambda_=mixture.lambda_ * share, alpha_L=FROZEN)
+    parts = without_parts(mixture)
     return {
         "1-MGVT": mixture,
-        "1-MGVT, frozen": evolve(mixture, alpha_L=FROZEN),
-        "1-MGVT, point": point,
-        "1-MGVT, point of 1 sample": evolve(point, n_samples=1),
-        "1-MGVT, start alone": evolve(point, lambda_=0.0),
+        "1-MGVT, frozen": parts["frozen"],
+        "1-MGVT, point": parts["point"],
+        "1-MGVT, point of 1 sample": evolve(parts["point"], n_samples=1),
+        "1-MGVT, start alone": parts["start alone"],
         "1-MGVT, lambda 0": evolve(mixture, lambda_=0.0),
         "GVT": gaussian,
         "GVT, frozen": evolve(gaussian, alpha_L=FROZEN),

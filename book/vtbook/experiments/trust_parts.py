@@ -10,7 +10,7 @@ looked at; the point without a prior was added when the others had been seen.
 
 from attrs import evolve
 
-from vtbook.experiments.controls import FROZEN, POINT
+from vtbook.experiments.controls import without_parts
 from vtbook.experiments.trust import EIGHT, PLACES, Place
 from vtbook.neighbours import RepeatedSettings
 from vtlab.experiment import Algorithm, Experiment
@@ -25,11 +25,8 @@ def _algorithms(place: Place) -> dict[str, Algorithm]:
     parts: dict[str, Algorithm] = {ALONE: Trust(sources_play=False)}
     mixture = place.experiment.algorithms.get(MIXTURE)
     if isinstance(mixture, RepeatedSettings):
-        still = evolve(mixture.settings, alpha_L=FROZEN)
-        share = POINT**2 / still.sigma_p2  # the prior's weight on the mean is lambda / sigma^2
-        point = evolve(still, sigma_p2=POINT**2, lambda_=still.lambda_ * share)
-        each = {STILL: still, AS_POINT: point, UNPULLED: evolve(point, lambda_=0.0)}
-        parts |= {label: evolve(mixture, settings=own) for label, own in each.items()}
+        for part, settings in without_parts(mixture.settings).items():
+            parts[f"1-MGVT, {part}{EIGHT}"] = evolve(mixture, settings=settings)
     return parts
 
 
