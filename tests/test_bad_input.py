@@ -38,9 +38,9 @@ NEGATIVE = [*NO_NUMBER, -1e-6]
 SHARE = [*NO_NUMBER, -1e-9, 1 + 1e-7]
 WORD = [None, 3, "", "exact ", "student", ["full"]]
 BY_KIND = [
-    ("components minibatch buffer n_samples heads epsilon_steps target_every", COUNT),
+    ("components minibatch buffer n_samples epsilon_steps target_every", COUNT),
     ("every recent updates trials episodes", COUNT),
-    ("alpha alpha_mu alpha_L bandwidth sigma_p2 sigma_min jitter h0", POSITIVE),
+    ("alpha alpha_mu alpha_L bandwidth sigma_p2 sigma_min jitter", POSITIVE),
     ("kappa", [*POSITIVE, 9e-4]),
     ("clip kl_clip", POSITIVE[1:]),
     ("lambda_ bias scale", NEGATIVE),
@@ -56,7 +56,6 @@ BY_KIND = [
 BAD = {name: values for names, values in BY_KIND for name in names.split()}
 # what the same names mean elsewhere
 OWN = {
-    neighbours.IVONSettings: {"lambda_": POSITIVE, "clip": POSITIVE},
     neighbours.VariedTrust: {"learner": WORD},
 }
 AGENTS = [Settings("gaussian"), Settings(components=2), MellowTDSettings(5), DDQNSettings(5)]

@@ -68,9 +68,7 @@ SHORT = partial(Settings, lambda_=1e-2, alpha_L=1e-4, minibatch=3, n_samples=2)
         SHORT(components=3, covariance="diagonal", kl="diagonal"),
         Trust(),
         FineTuning(MellowTDSettings(epsilon_steps=9)),
-        neighbours.IVONSettings(),
         neighbours.LangevinSettings(alpha=1e-9),
-        neighbours.HeadsSettings(),
         neighbours.UnstartedSettings(minibatch=3),
     ],
 )

@@ -1,4 +1,4 @@
-"""What is looked at while posteriors learn: their coverage in rooms, their stability elsewhere."""
+"""What is looked at while posteriors learn: how often they cover the truth in rooms."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
@@ -9,18 +9,15 @@ import torch
 from torch import Tensor
 
 from vtbook.credible_intervals import inside, posterior_samples, values_at
-from vtbook.stability import largest_step, steepest
 from vtlab.envs.base import TaskBatch
 from vtlab.envs.rooms.plan import plan_rooms
 from vtlab.envs.rooms.tasks import SIDE, Rooms
 from vtlab.experiment import Experiment
 from vtlib.rng import Rng, Stream
-from vtlib.td import mellowmax
 from vtlib.training import Agent
 from vtlib.transfer import VariationalTransfer
 
 SAMPLES = 400  # of each component's posterior
-FEWER = 50  # the same where only a standard deviation is asked for
 
 
 class Probe(ABC):
@@ -99,24 +96,3 @@ class CoverageProbe(Probe):
     def arrays(self) -> dict[str, np.ndarray]:
         """What was noted, and the mean truths."""
         return {**super().arrays, "truth": self._truths.mean(-1).T.numpy()}
-
-
-class StabilityProbe(Probe):
-    """The posterior at remembered transitions: its mean's value, its spread, and its steps.
-
-    Noted are, each (R, T), the mellow value of the mean, the standard deviation of its samples'
-    values, averaged over states and actions, and the step on L over the largest stable one.
-    """
-
-    def _note(self, agent: VariationalTransfer) -> dict[str, Tensor]:
-        s, mu = self._settings, agent.mu.detach().cpu()
-        batch = agent.remembered(self._places.uniform(self._count))
-        x, steps = self._q.prepare(batch.obs), []
-        for c in range(mu.shape[1]):
-            eta, length = steepest(self._q, mu[:, c], batch, s.psi, s.gamma, s.kappa)
-            steps.append(s.alpha_L * eta / largest_step(length, s.n_samples))
-        return {
-            "value": mellowmax(self._q.q(mu, x), s.kappa, 2).mean((1, 2)),
-            "spread": self._q.q(self._samples(agent, FEWER), x).std(1).mean((1, 2)),
-            "step": torch.stack(steps).amax(0).float(),
-        }

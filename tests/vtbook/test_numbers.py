@@ -119,7 +119,7 @@ NUMBERS = [
     ("controls", f"λ = 0 {HALF}", points, ROOMS + "-controls", "1-MGVT", "1-MGVT, lambda 0"),
     ("controls", f"mean, three rooms {HALF}", points, ROOMS + "-controls", "1-MGVT", MEAN),
     ("comparison", f"untouched {RANGE}, less", gain, ROOMS + "-compared", "untouched", "1-MGVT"),
-    ("recommended", f"trust: {RANGE}", gain, ROOMS + "-trust", "trust", "recommended"),
+    ("recommended", f"untouched: {RANGE}", gain, POLE + "-trust", "trust", "untouched"),
     ("recommended", f"no sources: {RANGE}", gain, MAZE + "-trust", "trust", "NT"),
     ("calibration", f"with one component, contain {RANGE}", held, "1-MGVT", 2),
     ("calibration", f"Its 50% intervals contain {RANGE}", held, "GVT", 0),

@@ -1,12 +1,9 @@
 """The cartpole experiments (section 6.2.1) with the parameters of appendix A.2.1."""
 
-from typing import Any
-
 from attrs import evolve
 
 from vtbook.experiments.grids import sliders_of
 from vtbook.experiments.protocols import as_published, fine_tuning, transfer
-from vtbook.probes import StabilityProbe
 from vtlab.envs.cartpole import CartpoleFamily
 from vtlab.experiment import Experiment, Pool
 from vtlib.baselines import DDQNSettings, MellowTDSettings
@@ -90,24 +87,3 @@ CARTPOLE_OTHER_SOURCES = {
     )
     for key, pool in OTHER_CARTPOLES.items()
 }
-
-# Why transfer falls late with the text's sources, and what should spare it (vtbook.stability).
-LATE_VARIANTS: dict[str, dict[str, Any]] = {
-    "as in the thesis": {},
-    "full gradient": {"psi": 1.0},
-    "smaller steps on L": {"alpha_L": 1e-5},
-    "more samples": {"n_samples": 10},
-}
-CARTPOLE_LATE = evolve(
-    CARTPOLE_EQUATIONS,
-    name="cartpole-late",
-    algorithms={
-        f"{label}, {name}": evolve(base, **changes)
-        for name, changes in reversed(LATE_VARIANTS.items())
-        for label, base in (("GVT", GVT), ("1-MGVT", MGVT))
-    },
-    runs=10,
-    every=200,
-    probes=500,
-    probe=StabilityProbe,
-)

@@ -5,11 +5,8 @@ Each is a frozen attrs class of settings whose ``agent`` is given the sources' w
 """
 
 from vtbook.neighbours.guided import GuidedSettings
-from vtbook.neighbours.heads import HeadsSettings
-from vtbook.neighbours.ivon import IVONSettings
 from vtbook.neighbours.langevin import LangevinSettings
 from vtbook.neighbours.picked import PickedSettings
-from vtbook.neighbours.recommended import Recommended
 from vtbook.neighbours.repeated import RepeatedSettings
 from vtbook.neighbours.unstarted import UnstartedSettings
 from vtbook.neighbours.untouched import UntouchedSettings
@@ -17,11 +14,8 @@ from vtbook.neighbours.varied import VariedTrust
 
 __all__ = [
     "GuidedSettings",
-    "HeadsSettings",
-    "IVONSettings",
     "LangevinSettings",
     "PickedSettings",
-    "Recommended",
     "RepeatedSettings",
     "UnstartedSettings",
     "UntouchedSettings",

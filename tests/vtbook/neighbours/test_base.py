@@ -11,9 +11,7 @@ from vtlib.rng import Rng
 Q = MLP((2, 3, 2))
 SOURCES = torch.randn(3, 4, Q.d, generator=torch.Generator().manual_seed(0))
 KINDS = [
-    neighbours.HeadsSettings(heads=3),
     neighbours.LangevinSettings(lambda_=1e-3),
-    neighbours.IVONSettings(lambda_=1e-3, n_samples=2),
     neighbours.RepeatedSettings(neighbours.LangevinSettings(lambda_=1e-3), 2),
     neighbours.UnstartedSettings(components=2, n_samples=2),
 ]
