@@ -11,7 +11,7 @@ from bs4 import BeautifulSoup, Tag
 # Words of a page's prose.
 WORDS = {
     "index": 350,
-    "introduction": 690,
+    "introduction": 705,
     "background": 910,
     "setting": 540,
     "related": 800,
@@ -27,9 +27,9 @@ WORDS = {
     "mazes": 635,
     "prior_weight": 365,
     "calibration": 550,
-    "controls": 740,
+    "controls": 775,
     "comparison": 495,
-    "recommended": 890,
+    "recommended": 860,
     "guide": 700,
     "conclusions": 485,
 }
