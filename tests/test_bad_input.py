@@ -93,7 +93,7 @@ LEARNING = {"envs": ENVS, "q": CART, "iterations": 1, "seed": 0, "callback": Non
 PLAYING = {"envs": ENVS, "q": CART, "weights": WEIGHTS, "episodes": 1, "gamma": 0.9, "seed": 0}
 MORE = {"learned": LEARNED, "envs": ENVS, "iterations": 1, "callback": None}
 FRONT_DOOR = [
-    (vtlib.solve, {**LEARNING, "settings": None, "trials": 0}),
+    (vtlib.solve, {**LEARNING, "settings": None}),
     (vtlib.transfer, {**LEARNING, "sources": WEIGHTS[0], "settings": None, "device": "cpu"}),
     (vtlib.evaluate, PLAYING),
     (vtlib.resume, MORE),

@@ -2,7 +2,6 @@
 
 import warnings
 from collections.abc import Callable, Sequence
-from functools import partial
 from itertools import islice
 from typing import Any
 
@@ -16,7 +15,7 @@ from vtlib.baselines import DDQNSettings, FineTuning, MellowTDSettings
 from vtlib.checks import check_kind, check_weights, check_whole, shown
 from vtlib.episodes import GymEpisodes
 from vtlib.learned import Learned
-from vtlib.playing import clear, episodes_of, greedy_episodes, stream_name
+from vtlib.playing import episodes_of, stream_name
 from vtlib.qfunctions import QFunction
 from vtlib.rng import Rng
 from vtlib.training import Agent, arithmetic, check_finite, iterate
@@ -35,7 +34,6 @@ def solve(
     iterations: int,
     settings: MellowTDSettings | DDQNSettings | None = None,
     *,
-    trials: int = 10,
     seed: int = 0,
     callback: Callback | None = None,
     progress: bool = False,
@@ -43,18 +41,13 @@ def solve(
     """Learn each environment from scratch, by mellow TD unless settings say DDQN.
 
     All start from one common initialisation, which keeps the hidden units of a network comparable
-    between sources. In the end each plays ``trials`` greedy episodes, which ``reached`` keeps and
-    ``steps`` leaves out; a warning names those that earn no more than the initial weights do.
-    callback is told the iteration, the mean returns (R,) and the weights (R, C, d) every 100
-    iterations, and ends the learning by returning False; progress shows a bar of the iterations.
-    Ctrl-C ends it, too, and what was learned is returned. Raises ValueError for spaces other than
-    Box and Discrete, a Q-function of other sizes, or an environment that is given twice; Diverged
-    when weights cease to be finite.
+    between sources. ``evaluate`` says what each has reached. callback is told the iteration, the
+    mean returns (R,) and the weights (R, C, d) every 100 iterations, and ends the learning by
+    returning False; progress shows a bar of the iterations. Ctrl-C ends it, too, and what was
+    learned is returned. Raises ValueError for spaces other than Box and Discrete, a Q-function of
+    other sizes, or an environment that is given twice; Diverged when weights cease to be finite.
     """
     check_run(iterations, callback)
-    check_whole("trials", trials, 0)
-    if trials == 1:
-        raise ValueError("trials must be 0 or at least 2, got 1: one has no standard error")
     check_kind("settings", settings, MellowTDSettings | DDQNSettings | None)
     settings = settings or MellowTDSettings(epsilon_steps=max(1, iterations // 2))
     name = stream_name("solve", seed)
@@ -62,24 +55,7 @@ def solve(
     start = 0.1 * Rng(name, [0]).stream("initial weights").normal(q.d).expand(len(envs), -1)
     agent = settings.agent(q, start, episodes.obs_dim, rng)
     about = {"q": q, "settings": settings, "seed": seed}
-    learned = _learn(agent, episodes, iterations, name, callback, progress, **about)
-    if not trials or learned.interrupted:
-        return learned
-    gamma, ends = settings.gamma, (learned.weights, start.unsqueeze(1))
-    trial = partial(episodes_of, envs, q, f"{name} trial", gamma)
-    try:
-        reached, before = (greedy_episodes(trial(), q, w, trials, gamma) for w in ends)
-    except KeyboardInterrupt:
-        return evolve(learned, interrupted=True)
-    except ValueError as error:  # learning took long, and an endless episode must not lose it
-        warnings.warn(f"what was reached is not known: {error}", stacklevel=3)
-        return learned
-    nothing = ~clear(reached - before)
-    if bool(nothing.any()):
-        runs = ", ".join(map(str, nothing.nonzero().flatten().tolist()))
-        fault = f"runs {runs} of solve learned nothing: greedy play earns no more than"
-        warnings.warn(f"{fault} the initial weights do, which is no source", stacklevel=3)
-    return evolve(learned, reached=reached)
+    return _learn(agent, episodes, iterations, name, callback, progress, **about)
 
 
 @arithmetic()

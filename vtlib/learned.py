@@ -33,10 +33,9 @@ class Learned:
     has ended. steps (R,): of the environment. improved (R,): whether the weights learned are kept;
     else they are the best source's (see ``transfer``). mu (R, C, d) and scale_tril (R, C, d, d):
     means and factors L of the posterior learned, kept or not, or L's diagonals
-    (R, C, d) where it is diagonal; None without a posterior. reached (R, episodes): what ``solve``
-    has reached, discounted returns of greedy play on fresh episodes. state: why ``Trust`` acted as
-    it did, and all that it takes to go on (``Trusting.state``). interrupted: whether Ctrl-C ended
-    it. q, settings and seed are the call's; the environments' first action is first_action.
+    (R, C, d) where it is diagonal; None without a posterior. state: why ``Trust`` acted as it did,
+    and all that it takes to go on (``Trusting.state``). interrupted: whether Ctrl-C ended it. q,
+    settings and seed are the call's; the environments' first action is first_action.
     """
 
     weights: Tensor
@@ -46,7 +45,6 @@ class Learned:
     improved: Tensor
     mu: Tensor | None = None
     scale_tril: Tensor | None = None
-    reached: Tensor | None = None
     state: dict[str, Tensor] | None = None
     q: QFunction | None = None
     settings: Any = None
@@ -68,8 +66,6 @@ class Learned:
         lines = []
         for run, steps in enumerate(self.steps.tolist()):
             line = f"run {run}: {steps:,} steps"
-            if self.reached is not None:
-                line += f", greedy return {float(self.reached[run].mean()):.3f}"
             if self.state is not None:
                 played, sources = self.state["played"][run], self.state["sources"].shape[1]
                 ended, by_sources = (played >= 0).sum(), ((played >= 0) & (played < sources)).sum()
