@@ -5,11 +5,9 @@ import torch
 from torch import nn
 
 from vtbook.neighbours import Recommended
-from vtlib import posteriors
 from vtlib.qfunctions import ModuleQ
 from vtlib.replay import Transition
 from vtlib.rng import Rng
-from vtlib.trust import NARROW
 from vtlib.units import FIRST
 
 FEATURES, ACTIONS, RUNS, SOURCES = 4, 2, 2, 3
@@ -49,13 +47,6 @@ def test_a_run_does_not_depend_on_its_neighbours():
     (both, acts, _), (alone, own, _) = learned(150), learned(150, rows=[1])
     torch.testing.assert_close(alone.mu[0], both.mu[1], rtol=1e-4, atol=1e-5)
     assert (acts[:, 1:] == own).float().mean() > 0.98
-
-
-def test_deviations_of_a_large_network_are_in_the_units_of_its_sources(monkeypatch):
-    monkeypatch.setattr(posteriors, "LARGE", 1)
-    learner, _, sources = learned(3, unit=10.0)
-    unit = sources.square().mean((1, 2), keepdim=True).sqrt()
-    torch.testing.assert_close(learner.deviations, (NARROW * unit).expand_as(learner.mu))
 
 
 def test_it_starts_at_different_sources_and_only_remembers_at_first():

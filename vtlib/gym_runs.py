@@ -19,7 +19,7 @@ from vtlib.playing import episodes_of, stream_name
 from vtlib.qfunctions import QFunction
 from vtlib.rng import Rng
 from vtlib.training import Agent, arithmetic, check_finite, iterate
-from vtlib.transfer import Settings, VariationalTransfer
+from vtlib.transfer import Settings
 from vtlib.trust import Trust, Trusting, sound
 
 EVERY = 100  # iterations from one record to the next
@@ -54,8 +54,7 @@ def solve(
     episodes, rng = episodes_of(envs, q, name, settings.gamma), Rng(name, range(len(envs)))
     start = 0.1 * Rng(name, [0]).stream("initial weights").normal(q.d).expand(len(envs), -1)
     agent = settings.agent(q, start, episodes.obs_dim, rng)
-    about = {"q": q, "settings": settings, "seed": seed}
-    return _learn(agent, episodes, iterations, name, callback, progress, **about)
+    return _learn(agent, episodes, iterations, name, callback, progress, q, settings, seed)
 
 
 @arithmetic()
@@ -86,7 +85,9 @@ def transfer(
     gamma = (settings.learner if isinstance(settings, FineTuning) else settings).gamma
     name = stream_name("transfer", seed)
     episodes, rng = episodes_of(envs, q, name, gamma), Rng(name, range(len(envs)))
-    check_sources(q, sources)
+    if isinstance(sources, Learned):  # which would be shown with all that it has
+        raise ValueError("sources must be a Tensor, got Learned: pass .weights[:, 0] of it")
+    check_weights("sources", sources, "source", q.d, tensor=True)
     check_device(device)
     if isinstance(settings, Trust) and not bool((good := sound(sources)).all()):
         bad = ", ".join(map(str, (~good).nonzero().flatten().tolist()))
@@ -97,24 +98,13 @@ def transfer(
     place = "cpu" if isinstance(settings, FineTuning) else device
     shared = sources.detach().expand(len(envs), *sources.shape).to(place)
     agent: Any = settings.agent(q, shared, episodes.obs_dim, rng)
-    about = {"q": q, "settings": settings, "seed": seed}
-    return _learn(agent, episodes, iterations, name, callback, progress, **about)
+    return _learn(agent, episodes, iterations, name, callback, progress, q, settings, seed)
 
 
 def check_run(iterations: object, callback: object) -> None:
     """Raise ValueError for arguments with which nothing can learn."""
     check_whole("iterations", iterations)
     check_kind("callback", callback, Callable | None)
-
-
-def check_sources(q: QFunction, sources: Any) -> None:
-    """Raise ValueError, with what would help, unless sources (S, d) are weights of a Q-function."""
-    if isinstance(sources, Learned):  # which would be shown with all that it has
-        raise ValueError("sources must be a Tensor, got Learned: pass .weights[:, 0] of it")
-    if isinstance(sources, Tensor) and sources.dim() == 3:
-        got = tuple(sources.shape)
-        raise ValueError(f"sources must have shape (sources, {q.d}), got {got}: pass [:, 0] of it")
-    check_weights("sources", sources, "source", q.d, tensor=True)
 
 
 def check_device(device: object) -> None:
@@ -135,26 +125,22 @@ def resume(
     callback: Callback | None = None,
     progress: bool = False,
 ) -> Learned:
-    """Learn on from what was learned, with its settings.
+    """Learn on from the whole state of ``Trust``, with new episodes and random numbers.
 
-    ``Trust`` goes on from its whole state, with new episodes and random numbers. Of others the
-    means take the sources' place, replay memory and optimiser begin anew, and exploration goes on
-    where it ended. Raises as ``solve``, and ValueError where ``learned`` does not know its
-    Q-function.
+    Raises as ``solve``, and ValueError where ``learned`` is not what ``Trust`` has learned, or does
+    not know its Q-function.
     """
     check_kind("learned", learned, Learned)
     check_run(iterations, callback)
-    q, settings, gamma = learned.q, learned.settings, learned.gamma
-    name = f"{stream_name('resume', learned.seed)} after {int(learned.steps.max())}"
-    episodes, rng = episodes_of(envs, q, name, gamma), Rng(name, range(len(envs)))  # type: ignore[arg-type]
-    about = {"q": q, "settings": settings, "seed": learned.seed}
-    sources = learned.weights if learned.state is None else learned.state["sources"]
-    if isinstance(settings, MellowTDSettings | DDQNSettings):
-        settings, sources = evolve(settings, epsilon_start=settings.epsilon_end), sources[:, 0]
-    agent = settings.agent(q, sources, episodes.obs_dim, rng)
-    if learned.state is not None:
-        agent.restore(learned.state)
-    more = _learn(agent, episodes, iterations, name, callback, progress, **about)
+    check_kind("the settings of learned", learned.settings, Trust)
+    settings, seed = learned.settings, learned.seed
+    q: Any = learned.q  # which episodes_of refuses where it is none
+    state: Any = learned.state  # Trust has always one
+    name = f"{stream_name('resume', seed)} after {int(learned.steps.max())}"
+    episodes, rng = episodes_of(envs, q, name, settings.gamma), Rng(name, range(len(envs)))
+    agent = settings.agent(q, state["sources"], episodes.obs_dim, rng)
+    agent.restore(state)
+    more = _learn(agent, episodes, iterations, name, callback, progress, q, settings, seed)
     return evolve(
         more,
         iterations=torch.cat([learned.iterations, more.iterations + int(learned.steps.max())]),
@@ -170,7 +156,9 @@ def _learn(
     name: str,
     callback: Callback | None,
     progress: bool,
-    **about: Any,
+    q: QFunction,
+    settings: Any,
+    seed: int,
 ) -> Learned:
     runs, times, returns = len(agent.mu), [], []
     names, done = [f"run {r} of {name}" for r in range(runs)], 0
@@ -189,25 +177,21 @@ def _learn(
     except KeyboardInterrupt:
         interrupted = True
     check_finite(agent.mu, names, done)
-    mu = factors = state = None
-    weights, improved = agent.mu.detach().cpu().clone(), torch.ones(runs, dtype=torch.bool)
-    posterior: Any = agent
+    weights, improved, state = agent.mu.detach().cpu(), torch.ones(runs, dtype=torch.bool), None
     if isinstance(agent, Trusting):
-        posterior, improved, state = agent.learned, agent.improved, agent.state()
-        weights = torch.where(improved.view(-1, 1, 1), posterior.mu.cpu(), agent.best_source)
-    if isinstance(posterior, VariationalTransfer):
-        factors = posterior.scale_tril if posterior.deviations is None else posterior.deviations
-        mu, factors = (x.detach().cpu().clone() for x in (posterior.mu, factors))
+        improved, state = agent.improved, agent.state()
+        leads = improved.view(-1, 1, 1)
+        weights = torch.where(leads, agent.learned.mu.cpu(), agent.best_source)
     return Learned(
-        weights=weights,
+        weights=weights.clone(),
         iterations=torch.tensor(times, dtype=torch.int64),
         returns=torch.stack(returns, 1) if returns else torch.empty(runs, 0),
         steps=torch.full((runs,), done),
         improved=improved,
-        mu=mu,
-        scale_tril=factors,
         state=state,
+        q=q,
+        settings=settings,
+        seed=seed,
         first_action=episodes.first_action,
         interrupted=interrupted,
-        **about,
     )

@@ -6,7 +6,7 @@ shared by the K vectors. Values come as (R, K, A, B), actions before states.
 
 from collections.abc import Callable, Sequence
 from itertools import pairwise
-from typing import Any, Protocol, runtime_checkable
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 import torch
@@ -39,22 +39,6 @@ def greedy(q: QFunction, w: Tensor, obs: Tensor) -> Tensor:
     return q.q(w, q.prepare(obs.unsqueeze(1)))[:, 0, :, 0].argmax(-1)
 
 
-def described(q: QFunction) -> dict[str, Any]:
-    """What a file says of a Q-function, in plain numbers and words."""
-    about = {"kind": type(q).__name__, "d": q.d, "n_actions": q.n_actions}
-    return about | getattr(q, "sizes_of_parts", {})
-
-
-def from_description(about: dict[str, Any], q: QFunction | None = None) -> QFunction:
-    """The Q-function of a description, or q where it is that one; ValueError where it is not."""
-    if q is None and about["kind"] == "MLP":
-        return MLP(about["sizes"])
-    own = None if q is None else described(q)
-    if own != about:
-        raise ValueError(f"q must be the saved {shown(about)}, got {shown(own)}")
-    return q  # type: ignore[return-value]
-
-
 class MLP:
     """Multilayer perceptron with ReLU units; sizes lists the layers, e.g. (4, 32, 2).
 
@@ -72,7 +56,6 @@ class MLP:
         self._layers = list(pairwise(self.sizes))
         self.n_actions, self.width = self.sizes[-1], max(self.sizes)
         self.d = sum(out * (into + 1) for into, out in self._layers)
-        self.sizes_of_parts = {"sizes": list(self.sizes)}  # for a file
 
     def prepare(self, obs: Tensor) -> Tensor:
         """Observations (R, B, obs_dim) as columns (R, obs_dim + 1, B) that end in a one."""
@@ -180,7 +163,6 @@ class ModuleQ:
             raise ValueError("module must have parameters that require gradients, it has none")
         self.width = max(shape[:1].numel() for shape in self._shapes.values())
         self.d = sum(shape.numel() for shape in self._shapes.values())
-        self.sizes_of_parts = {"shapes": {x: list(shape) for x, shape in self._shapes.items()}}
 
     def flatten(self, module: nn.Module) -> Tensor:
         """The weights (d,) of a module of the same shape, such as a solved source's network."""

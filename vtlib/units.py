@@ -59,11 +59,6 @@ class InUnits(VariationalTransfer):
     def scale_tril(self) -> Tensor:
         return self._posterior.scale_tril * self._unit.unsqueeze(-1)
 
-    @property
-    def deviations(self) -> Tensor | None:
-        deviations = super().deviations
-        return None if deviations is None else deviations * self._unit
-
     def learn(self, transition: Transition) -> None:
         """Store one transition of each run and take some gradient steps on eq. 5.2."""
         super().learn(transition)

@@ -23,11 +23,6 @@ class Diagonal(Posterior):
         if start.spread is not None and not self._sigma.isfinite().all():
             raise too_far_apart(start.spread)
 
-    @property
-    def deviations(self) -> Tensor:
-        """Standard deviations of the weights (R, C, d)."""
-        return self._sigma.view_as(self.mu)
-
     def _factors(self) -> Tensor:
         return torch.diag_embed(self._sigma)
 
