@@ -34,3 +34,10 @@ class Diagonal(Posterior):
         gradient = (gradients * z).sum(1).add_(pull, alpha=kl_weight)
         self._sigma -= self._alpha * gradient.clamp_(-self._clip, self._clip)
         self._sigma.clamp_(min=self._sigma_min)
+
+
+class Fixed(Diagonal):
+    """Gaussians of which only the means are learned: deviations stay the prior's for ever."""
+
+    def step(self, gradients: Tensor, kl_weight: float) -> None:
+        """Leave the deviations as they are."""
