@@ -24,14 +24,13 @@ from vtlib.learned import Learned
 from vtlib.qfunctions import MLP, ModuleQ
 from vtlib.replay import Transition
 from vtlib.rng import Rng
-from vtlib.td import mellowmax
 from vtlib.transfer import Settings
 from vtlib.trust import Trust
 
 Q = MLP((2, 3, 2))
 
 NO_NUMBER = [None, "3", True, math.nan, math.inf, -math.inf, 1e300, torch.ones(1), [1], 1j]
-NO_NUMBER += [np.float32(1), np.int64(3), 10**5000]  # which has more digits than Python writes
+NO_NUMBER += [np.float32(1), np.int64(3)]
 COUNT = [*(x for x in NO_NUMBER if type(x) is not np.int64), 0, -1, 1.0, 2.5, LARGEST + 1]
 POSITIVE = [*NO_NUMBER, 0, 0.0, -1e-6, 9e-38, 1.1e38]
 NEGATIVE = [*NO_NUMBER, -1e-6]
@@ -177,11 +176,10 @@ def test_values_that_are_accepted_can_be_learned_with(config):
 @pytest.mark.parametrize("config", ALL)
 def test_weights_that_are_none_are_refused(config):
     good, rng = torch.ones((2, 3, Q.d) if config.transfers else (2, Q.d)), Rng("t", [0, 1])
-    bad = [good[:0], good[..., 1:], good[0], good[None], good[:1], good.double(), good * math.nan]
+    bad = [good[:0], good[..., 1:], good[0], good[None], good.double(), good * math.nan]
     name = "sources" if config.transfers else "weights"
     for w in [*bad, None, good.tolist(), good.numpy(), *([good[:, :0]] * config.transfers)]:
-        message = refused(config.agent, Q, w, 2, rng)
-        assert message.startswith((f"{name} must ", "there must be weights for each of 2 runs"))
+        assert refused(config.agent, Q, w, 2, rng).startswith(f"{name} must ")
     assert refused(config.agent, Q, good[0], 2, rng).endswith(f"got {tuple(good[0].shape)}")
     assert "must be float32, got" in refused(config.agent, Q, good.double(), 2, rng)
     assert "must be finite, got" in refused(config.agent, Q, -math.inf * good, 2, rng)
@@ -203,13 +201,11 @@ def test_sources_are_used_or_too_far_apart(change):
 
 def test_what_does_not_fit_a_q_function_is_refused():
     for sizes in (None, 3, (), (4,), "44", (4, 0), (4, 2.0), (4, None), (4, True), torch.ones(3)):
-        assert refused(MLP, sizes).startswith("sizes must list at least two positive layer sizes")
-    for layer, why in ((nn.BatchNorm1d(2), "0.r"), (nn.Dropout(), "dropout"), (nn.ReLU(), "none")):
+        assert refused(MLP, sizes).startswith(("sizes must list", "each of sizes must be a whole"))
+    for layer, why in ((nn.BatchNorm1d(2), "0.r"), (nn.ReLU(), "none")):
         assert f"it has {why}" in refused(ModuleQ, nn.Sequential(layer), 2)
     for count in COUNT:
         assert "n_actions must be" in refused(ModuleQ, nn.Linear(2, 2), count)
-    for value in POSITIVE:
-        assert "kappa must be positive" in refused(mellowmax, torch.zeros(2), value)
     # the bases would look at the first two numbers and not notice the others
     for q in (RBFLinear(torch.arange(3.0), 1.0, 2), Q):
         assert "must have 2 numbers" in refused(q.prepare, torch.zeros(1, 1, 4))
@@ -217,7 +213,6 @@ def test_what_does_not_fit_a_q_function_is_refused():
 
 def test_values_are_shown_in_one_line_that_is_not_too_long():
     assert shown("a\nb") == r"'a\nb'"
-    assert shown(10**5000) == "a value of type int"
     assert shown("x" * 999) == "'" + "x" * (SHOWN - 1) + "..."
     assert one_line("a\n\u2028λ") == r"a\n\u2028λ"
 

@@ -221,5 +221,5 @@ def test_learning_goes_on_from_what_was_learned(tmp_path):
     assert more.iterations.tolist() == [100, 220]
     assert more.steps.tolist() == more.state["steps"].tolist() == [220]
     assert (more.weights - learned.weights).abs().max() < 0.5
-    with pytest.raises(ValueError, match="weights for each of 2 runs, got 1"):
+    with pytest.raises(ValueError, match="envs must be 1, one for each run of learned, got 2"):
         resume(learned, [Corridor(), Corridor()], 10)

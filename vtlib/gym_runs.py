@@ -3,7 +3,7 @@
 import warnings
 from collections.abc import Callable, Sequence
 from itertools import islice
-from typing import Any
+from typing import Any, cast
 
 import gymnasium
 import torch
@@ -15,7 +15,7 @@ from vtlib.baselines import DDQNSettings, FineTuning, MellowTDSettings
 from vtlib.checks import check_kind, check_weights, check_whole, shown
 from vtlib.episodes import GymEpisodes
 from vtlib.learned import Learned
-from vtlib.playing import episodes_of, stream_name
+from vtlib.playing import episodes_of
 from vtlib.qfunctions import QFunction
 from vtlib.rng import Rng
 from vtlib.training import Agent, arithmetic, check_finite, iterate
@@ -47,14 +47,14 @@ def solve(
     learned is returned. Raises ValueError for spaces other than Box and Discrete, a Q-function of
     other sizes, or an environment that is given twice; Diverged when weights cease to be finite.
     """
-    check_run(iterations, callback)
+    check_run(iterations, seed, callback)
     check_kind("settings", settings, MellowTDSettings | DDQNSettings | None)
     settings = settings or MellowTDSettings(epsilon_steps=max(1, iterations // 2))
-    name = stream_name("solve", seed)
+    name = f"solve {seed}"
     episodes, rng = episodes_of(envs, q, name, settings.gamma), Rng(name, range(len(envs)))
     start = 0.1 * Rng(name, [0]).stream("initial weights").normal(q.d).expand(len(envs), -1)
     agent = settings.agent(q, start, episodes.obs_dim, rng)
-    return _learn(agent, episodes, iterations, name, callback, progress, q, settings, seed)
+    return _learn(agent, episodes, iterations, name, callback, progress, q, settings)
 
 
 @arithmetic()
@@ -80,40 +80,34 @@ def transfer(
     torch lacks.
     """
     settings = Trust() if settings is None else settings
-    check_run(iterations, callback)
+    check_run(iterations, seed, callback)
     check_kind("settings", settings, Trust | Settings | FineTuning)
     gamma = (settings.learner if isinstance(settings, FineTuning) else settings).gamma
-    name = stream_name("transfer", seed)
+    name = f"transfer {seed}"
     episodes, rng = episodes_of(envs, q, name, gamma), Rng(name, range(len(envs)))
     if isinstance(sources, Learned):  # which would be shown with all that it has
         raise ValueError("sources must be a Tensor, got Learned: pass .weights[:, 0] of it")
-    check_weights("sources", sources, "source", q.d, tensor=True)
-    check_device(device)
+    check_weights("sources", sources, "source", q.d)
+    check_kind("device", device, str)
+    try:
+        torch.empty(0, device=device)
+    except (RuntimeError, AssertionError) as error:
+        raise ValueError(f"device must be one that torch has here, got {shown(device)}") from error
     if isinstance(settings, Trust) and not bool((good := sound(sources)).all()):
         bad = ", ".join(map(str, (~good).nonzero().flatten().tolist()))
         fault = f"left out are sources [{bad}], whose weights are over ten times as large as most"
         warnings.warn(f"{fault}, as where learning has diverged", stacklevel=3)
         sources = sources[good]
-    # only posteriors are kept elsewhere than on the processor
-    place = "cpu" if isinstance(settings, FineTuning) else device
-    shared = sources.detach().expand(len(envs), *sources.shape).to(place)
+    shared = sources.detach().expand(len(envs), *sources.shape).to(device)
     agent: Any = settings.agent(q, shared, episodes.obs_dim, rng)
-    return _learn(agent, episodes, iterations, name, callback, progress, q, settings, seed)
+    return _learn(agent, episodes, iterations, name, callback, progress, q, settings)
 
 
-def check_run(iterations: object, callback: object) -> None:
+def check_run(iterations: object, seed: object, callback: object) -> None:
     """Raise ValueError for arguments with which nothing can learn."""
     check_whole("iterations", iterations)
+    check_whole("seed", seed, 0)
     check_kind("callback", callback, Callable | None)
-
-
-def check_device(device: object) -> None:
-    """Raise ValueError unless device names one that torch has here."""
-    check_kind("device", device, str)
-    try:
-        torch.empty(0, device=device)  # type: ignore[call-overload]
-    except (RuntimeError, AssertionError) as error:
-        raise ValueError(f"device must be one that torch has here, got {shown(device)}") from error
 
 
 @arithmetic()
@@ -122,6 +116,7 @@ def resume(
     envs: Sequence[gymnasium.Env],
     iterations: int,
     *,
+    seed: int = 0,
     callback: Callback | None = None,
     progress: bool = False,
 ) -> Learned:
@@ -131,16 +126,17 @@ def resume(
     not know its Q-function.
     """
     check_kind("learned", learned, Learned)
-    check_run(iterations, callback)
+    check_run(iterations, seed, callback)
     check_kind("the settings of learned", learned.settings, Trust)
-    settings, seed = learned.settings, learned.seed
-    q: Any = learned.q  # which episodes_of refuses where it is none
-    state: Any = learned.state  # Trust has always one
-    name = f"{stream_name('resume', seed)} after {int(learned.steps.max())}"
+    settings, state = learned.settings, cast(dict[str, Tensor], learned.state)
+    q = cast(QFunction, learned.q)  # which episodes_of refuses where it is none
+    name = f"resume {seed} after {int(learned.steps.max())}"
     episodes, rng = episodes_of(envs, q, name, settings.gamma), Rng(name, range(len(envs)))
+    if len(envs) != (runs := len(learned.weights)):
+        raise ValueError(f"envs must be {runs}, one for each run of learned, got {len(envs)}")
     agent = settings.agent(q, state["sources"], episodes.obs_dim, rng)
     agent.restore(state)
-    more = _learn(agent, episodes, iterations, name, callback, progress, q, settings, seed)
+    more = _learn(agent, episodes, iterations, name, callback, progress, q, settings)
     return evolve(
         more,
         iterations=torch.cat([learned.iterations, more.iterations + int(learned.steps.max())]),
@@ -158,7 +154,6 @@ def _learn(
     progress: bool,
     q: QFunction,
     settings: Any,
-    seed: int,
 ) -> Learned:
     runs, times, returns = len(agent.mu), [], []
     names, done = [f"run {r} of {name}" for r in range(runs)], 0
@@ -191,7 +186,6 @@ def _learn(
         state=state,
         q=q,
         settings=settings,
-        seed=seed,
         first_action=episodes.first_action,
         interrupted=interrupted,
     )

@@ -19,7 +19,7 @@ from vtlib.trust import Trust
 ABOUT = "about"  # the text beside the arrays of a file
 STATE = "state "  # before the names of a state's arrays
 ARRAYS = "weights", "iterations", "returns", "steps", "improved"
-WORDS = "seed", "first_action", "interrupted"
+WORDS = "first_action", "interrupted"
 
 
 @frozen(eq=False)
@@ -30,8 +30,8 @@ class Learned:
     (T,) and returns (R, T): mean discounted return of the last 50 episodes, NaN before the first
     has ended. steps (R,): of the environment. improved (R,): whether the weights learned are kept;
     else they are the best source's (see ``transfer``). state: why ``Trust`` acted as it did, and
-    all that it takes to go on (``Trusting.state``). interrupted: whether Ctrl-C ended it. q,
-    settings and seed are the call's; the environments' first action is first_action.
+    all that it takes to go on (``Trusting.state``). interrupted: whether Ctrl-C ended it. q and
+    settings are the call's; the environments' first action is first_action.
     """
 
     weights: Tensor
@@ -42,7 +42,6 @@ class Learned:
     state: dict[str, Tensor] | None = None
     q: QFunction | None = None
     settings: Any = None
-    seed: int = 0
     first_action: int = 0
     interrupted: bool = False
 
@@ -58,8 +57,8 @@ class Learned:
             lines.append(line + ", interrupted" * self.interrupted)
         return "\n".join(lines)
 
-    def predict(self, obs: Any, run: int = 0) -> Any:
-        """The greedy action at an observation (obs_dim,), or actions (B,) at (B, obs_dim).
+    def predict(self, obs: Any, run: int = 0) -> int:
+        """The greedy action at an observation (obs_dim,).
 
         The values of all components of a run are averaged, as by ``evaluate``, and actions are the
         environment's. Raises ValueError for what the Q-function cannot value.
@@ -67,16 +66,14 @@ class Learned:
         check_kind("q", self.q, QFunction)
         check_whole("run", run, 0, len(self.weights) - 1)
         try:
-            seen = torch.as_tensor(np.asarray(obs, np.float32))
-            rows = seen if seen.ndim == 2 else seen.unsqueeze(0)
-            if seen.ndim not in (1, 2) or not bool(seen.isfinite().all()):
-                raise ValueError("numbers that are not finite, or of other than 1 or 2 axes")
-            values = self.q.q(self.weights[[run]], self.q.prepare(rows.unsqueeze(0)))  # type: ignore[union-attr]
+            seen = torch.as_tensor(np.asarray(obs, np.float32))[None, None]
+            if not bool(seen.isfinite().all()):
+                raise ValueError("numbers that are not finite")
+            values = self.q.q(self.weights[[run]], self.q.prepare(seen))  # type: ignore[union-attr]
         except Exception as error:  # a user's Q-function may raise anything
             fault = shown(str(error))
             raise ValueError(f"obs must be observations of q, got {shown(obs)}: {fault}") from error
-        actions = values[0].mean(0).argmax(0).numpy() + self.first_action
-        return actions if seen.ndim == 2 else int(actions[0])
+        return int(values[0].mean(0).argmax()) + self.first_action
 
     def save(self, path: str | Path) -> None:
         """Write all but a module, and settings other than of ``Trust``, to one .npz, at once."""
@@ -106,11 +103,11 @@ class Learned:
             about = json.loads(str(arrays.pop(ABOUT)))
             sizes, settings = about.pop("sizes"), about.pop("settings")
             parts: dict[str, Any] = {name: torch.from_numpy(x) for name, x in arrays.items()}
-            state = {x: parts.pop(x) for x in list(parts) if x.startswith(STATE)}
+            state = {x.removeprefix(STATE): parts.pop(x) for x in [*parts] if x.startswith(STATE)}
             learned = cls(
                 **parts,
                 **about,
-                state={x.removeprefix(STATE): part for x, part in state.items()} or None,
+                state=state or None,
                 q=MLP(sizes) if q is None and sizes else q,
                 settings=settings and Trust(**settings),
             )

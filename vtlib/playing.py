@@ -32,8 +32,9 @@ def evaluate(
     """
     check_whole("episodes", episodes)
     check_between("gamma", gamma, 0, 1)
-    lock = episodes_of(envs, q, stream_name("evaluate", seed), gamma)
-    check_weights("weights", weights, len(envs), "component", q.d, tensor=True)
+    check_whole("seed", seed, 0)
+    lock = episodes_of(envs, q, f"evaluate {seed}", gamma)
+    check_weights("weights", weights, len(envs), "component", q.d)
     runs = len(weights)
     running, discount = torch.zeros(runs), torch.ones(runs)
     count = torch.zeros(runs, dtype=torch.int64)
@@ -52,12 +53,6 @@ def evaluate(
             fault = f"envs must end their episodes, got {LONGEST:,} steps without an end"
             raise ValueError(f"{fault}: gymnasium.wrappers.TimeLimit ends them")
     return returns
-
-
-def stream_name(task: str, seed: int) -> str:
-    """The name of a call's random streams; ValueError for a seed that is no whole number."""
-    check_whole("seed", seed, 0)
-    return f"{task} {seed}"
 
 
 def episodes_of(

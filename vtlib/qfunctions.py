@@ -8,7 +8,6 @@ from collections.abc import Callable, Sequence
 from itertools import pairwise
 from typing import Protocol, runtime_checkable
 
-import numpy as np
 import torch
 from torch import Tensor, nn
 from torch.func import functional_call, vjp, vmap
@@ -46,12 +45,10 @@ class MLP:
     """
 
     def __init__(self, sizes: Sequence[int]) -> None:
-        whole = isinstance(sizes, Sequence) and all(
-            isinstance(x, int | np.integer) and not isinstance(x, bool) for x in sizes
-        )
-        if not whole or len(sizes) < 2 or min(sizes) < 1:
-            rule = "sizes must list at least two positive layer sizes"
-            raise ValueError(f"{rule}, got {shown(sizes)}")
+        if not isinstance(sizes, Sequence) or len(sizes) < 2:
+            raise ValueError(f"sizes must list at least two layer sizes, got {shown(sizes)}")
+        for size in sizes:
+            check_whole("each of sizes", size)
         self.sizes = tuple(map(int, sizes))
         self._layers = list(pairwise(self.sizes))
         self.n_actions, self.width = self.sizes[-1], max(self.sizes)
@@ -145,7 +142,7 @@ class ModuleQ:
 
     The module's parameters, flattened in the order of ``named_parameters``, are the weights, but
     for those that require no gradient, which stay as they are; the module itself is only read.
-    Slower than by hand. Raises ValueError for buffers, dropout, or nothing to train.
+    Slower than by hand. Raises ValueError for buffers, or nothing to train.
     """
 
     def __init__(self, module: nn.Module, n_actions: int) -> None:
@@ -153,8 +150,6 @@ class ModuleQ:
         check_kind("module", module, nn.Module)
         if buffers := [name for name, _ in module.named_buffers()]:
             raise ValueError(f"module must have no buffers, it has {', '.join(buffers)}")
-        if any(isinstance(part, nn.modules.dropout._DropoutNd) for part in module.modules()):
-            raise ValueError("module must give the same values each time, it has dropout")
         self.n_actions = int(n_actions)
         self._module = module
         trained = [(name, p) for name, p in module.named_parameters() if p.requires_grad]

@@ -118,8 +118,7 @@ class VariationalTransfer:
     def __init__(
         self, q: QFunction, sources: Tensor, obs_dim: int, settings: Settings, rng: Rng
     ) -> None:
-        check_weights("sources", sources, "run", "source", q.d, tensor=True)
-        rng.check_rows(len(sources))
+        check_weights("sources", sources, "run", "source", q.d)
         s, sources = settings, sources.detach()
         self._q, self._settings, self._device = q, settings, sources.device
         self._component, self._replay = rng.stream("component"), rng.stream("replay")

@@ -42,7 +42,7 @@ class InUnits(VariationalTransfer):
         updates: int,
         rng: Rng,
     ) -> None:
-        check_weights("sources", sources, "run", "source", q.d, tensor=True)
+        check_weights("sources", sources, "run", "source", q.d)
         sources = sources.detach()
         self._unit = sources.square().mean((1, 2), keepdim=True).sqrt()
         if not bool(((self._unit > 0) & self._unit.isfinite()).all()):
