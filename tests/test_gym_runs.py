@@ -17,7 +17,7 @@ from vtlib.playing import evaluate
 from vtlib.promises import Record
 from vtlib.qfunctions import MLP, ModuleQ
 from vtlib.transfer import Settings
-from vtlib.trust import sound
+from vtlib.trust import Trust, sound
 
 Q = MLP((4, 8, gym.spaces.Discrete(2).n))
 LEARNER = MellowTDSettings(epsilon_steps=100, minibatch=20)
@@ -93,13 +93,6 @@ def test_what_was_learned_must_clearly_beat_the_source(monkeypatch, improved):
     torch.testing.assert_close(learned.weights, kept)
 
 
-@pytest.mark.parametrize("settings", [TRANSFER, FineTuning(LEARNER)])
-def test_with_settings_it_is_the_method_alone(settings):
-    learned = transfer([Corridor()], Q, BOTH, 1, settings)
-    assert (learned.steps.tolist(), learned.improved.tolist()) == ([1], [True])
-    assert (learned.weights[0, 0] - always(0)).abs().max() < 0.01
-
-
 @pytest.mark.parametrize("learner", [LEARNER, DDQNSettings(100)])
 def test_seeds_repeat_and_differ(learner):
     env = gym.make("CartPole-v1")
@@ -129,27 +122,18 @@ def test_a_bar_is_shown_on_request_alone(shown, capsys):
     assert ("30/30" in capsys.readouterr().err) is shown
 
 
-def same(part, other):
-    """Whether two parts of what was learned are one, arrays or not."""
-    if isinstance(part, dict):
-        return part.keys() == other.keys() and all(same(part[x], other[x]) for x in part)
-    if isinstance(part, torch.Tensor):
-        return torch.allclose(part, other, 0, 0, equal_nan=True)
-    return part == other
-
-
-@pytest.mark.parametrize("settings", [None, TRANSFER])
+@pytest.mark.parametrize("settings", [None, TRANSFER, FineTuning(LEARNER)])
 def test_what_was_learned_is_saved_whole(settings, tmp_path):
     learned = transfer([Corridor()], Q, SOURCES[:2], 120, settings, seed=7)
     learned.save(tmp_path / "new" / "learned.npz")
     again = Learned.load(tmp_path / "new" / "learned.npz")
-    for name, part in attrs.asdict(learned, recurse=False).items():
-        other = getattr(again, name)
-        if name == "q":
-            assert other.sizes == part.sizes
-        elif name != "settings" or settings is None:
-            assert same(part, other)
+    parts, others = (attrs.asdict(x, recurse=False) for x in (learned, again))
+    assert others.pop("q").sizes == parts.pop("q").sizes
+    assert parts.pop("settings") == (settings or Trust())
+    assert others.pop("settings") == (None if settings else Trust())  # which alone goes on
+    torch.testing.assert_close(others, parts, rtol=0, atol=0, equal_nan=True)
     assert (learned.state is None) == (settings is not None)
+    assert settings is None or learned.improved.all()
 
 
 def test_a_file_that_is_not_whole_is_named(tmp_path):
