@@ -56,14 +56,10 @@ def test_what_was_learned_acts_where_promises_are_broken():
 
 
 def test_sources_that_may_not_play_leave_every_episode_to_what_was_learned():
-    agent, actions = run(3 * LENGTH, reward=1e6, sources_play=False)  # they would keep any promise
+    agent, _ = run(3 * LENGTH, reward=1e6, sources_play=False)  # they would keep any promise
     assert agent.state()["played"].tolist() == RUNS * [2 * [SOURCES]]
-    g = torch.Generator().manual_seed(0)
-    first = greedy(
-        Q, sources().mean(1, keepdim=True), torch.randn(2, RUNS, FEATURES, generator=g)[0]
-    )
-    assert torch.equal(actions[0], first)
-    torch.testing.assert_close(agent.mu, agent.learned.mu)
+    # too few steps for it to leave the sources' mean, where it starts
+    torch.testing.assert_close(agent.mu, sources().mean(1, keepdim=True))
     assert agent.improved.all()
 
 
@@ -87,6 +83,7 @@ def test_a_source_that_has_learned_nothing_hides_no_broken_promise():
 def test_a_run_does_not_depend_on_its_neighbours():
     (both, acts), (alone, own) = run(150, reward=-5.0), run(150, rows=[1], reward=-5.0)
     assert both.records[1] == alone.records[0]
+    torch.testing.assert_close(alone.learned.mu[0], both.learned.mu[1], rtol=1e-4, atol=1e-5)
     assert (acts[:, 1:] == own).float().mean() > 0.98
 
 
