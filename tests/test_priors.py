@@ -1,20 +1,16 @@
 """Divergences of Gaussians and mixtures, their gradients, and the priors made of sources."""
 
-import itertools
 import math
 
 import numpy as np
 import pytest
 import torch
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from torch.distributions import Categorical, MixtureSameFamily, MultivariateNormal, kl_divergence
 
 from vtlib import priors
 from vtlib.priors import Gaussian, GaussianPrior, MixturePrior, kl, kl_bound, pairwise_kl
 
 CASES = [(1, 1), (1, 4), (2, 1), (2, 3), (3, 3), (4, 2)]
-TABLES = (st.integers(1, 5), st.integers(1, 6), st.floats(0.01, 1e4), st.integers(0, 1000))
 close = torch.testing.assert_close
 
 
@@ -111,25 +107,12 @@ def test_pairwise_kl_is_a_table_of_closed_forms_which_are_the_bounds_of_single_g
     close(tight_bound(table[..., None, None]), table)
 
 
-@settings(deadline=None, derandomize=True, max_examples=60)
-@given(*TABLES)
-def test_updates_never_raise_the_bound_and_keep_the_marginals(components, sources, scale, seed):
-    pairwise = scale * draw(components, sources, seed=seed).square()
-    bounds = [tight_bound(pairwise, k).item() for k in range(12)]
-    slack = 1e-12 * (1 + abs(bounds[0]))
-    assert all(later <= sooner + slack for sooner, later in itertools.pairwise(bounds))
-    assert tight_bound(pairwise).item() <= bounds[1] + slack
-    for found in (*(tables(pairwise, k) for k in (0, 1, 7)), priors.responsibilities(pairwise)):
-        theta, phi = (x.exp() for x in found)
-        close(theta.sum(1), torch.full((components,), 1 / components).double())
-        close(phi.sum(0), torch.full((sources,), 1 / sources).double())
-
-
-def test_one_update_is_equations_5_14_and_5_15():
+@pytest.mark.parametrize("updates", [0, 1, 7])
+def test_an_update_is_equations_5_14_and_5_15_and_the_first_phi_is_uniform(updates):
     pairwise = draw(3, 4).square()
-    theta_before = tables(pairwise, 6)[0].exp()
-    theta, phi = (x.exp() for x in tables(pairwise, 7))
-    close(phi, theta_before / theta_before.sum(0) / 4)
+    theta, phi = (x.exp() for x in tables(pairwise, updates))
+    before = tables(pairwise, max(0, updates - 1))[0].exp()
+    close(phi, before / before.sum(0) / 4 if updates else torch.full((3, 4), 1 / 12).double())
     boltzmann = phi * (-pairwise).exp()
     close(theta, boltzmann / boltzmann.sum(1, keepdim=True) / 3)
 

@@ -10,16 +10,12 @@ from vtlib.promises import LEAST, LOOKS, RECENT, WIDE, Record, beliefs, evidence
 PROMISE, SPREAD = 10.0, 1.0
 
 
-def played(
-    earns, count=4, episodes=30, seed=0, scale=1.0, shift=0.0, begun=0, record=None, first=0
-):
+def played(earns, count=4, episodes=30, seed=0, scale=1.0, shift=0.0, begun=0):
     """A record after some episodes, in which arm j earns ``earns(j, rng)``."""
     rng = np.random.default_rng(seed)
-    record = Record(count) if record is None else record
+    record = Record(count)
     for t in range(episodes):
         coin, normal, noise = rng.uniform(), rng.standard_normal(count), rng.spawn(1)[0]
-        if t < first:
-            continue
         promise = scale * PROMISE + shift
         arm = record.choose(t >= begun, coin, normal)
         record.add(scale * earns(arm, noise) + shift, promise, scale * SPREAD)

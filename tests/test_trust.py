@@ -1,4 +1,4 @@
-"""The agent that plays sources or what it learned: units, neighbours, and what it shows."""
+"""The agent that plays sources or what it learned: its neighbours, and what it shows."""
 
 import pytest
 import torch
@@ -14,14 +14,14 @@ FEATURES, ACTIONS, RUNS, SOURCES, LENGTH = 4, 2, 2, 3, 8
 Q = ModuleQ(nn.Linear(FEATURES, ACTIONS, bias=False), ACTIONS)
 
 
-def sources(unit=1.0):
-    return torch.randn(RUNS, SOURCES, Q.d, generator=torch.Generator().manual_seed(7)) * unit
+def sources():
+    return torch.randn(RUNS, SOURCES, Q.d, generator=torch.Generator().manual_seed(7))
 
 
-def run(steps, unit=1.0, rows=(0, 1), reward=1.0, weights=None, **settings):
+def run(steps, rows=(0, 1), reward=1.0, weights=None, **settings):
     """An agent after so many transitions in episodes of eight, and its actions on the way."""
     g, rows = torch.Generator().manual_seed(0), list(rows)
-    weights = sources(unit)[rows] if weights is None else weights
+    weights = sources()[rows] if weights is None else weights
     agent = Trust(**settings).agent(Q, weights, FEATURES, Rng("trust", rows))
     actions = []
     for t in range(steps):
@@ -29,7 +29,7 @@ def run(steps, unit=1.0, rows=(0, 1), reward=1.0, weights=None, **settings):
         fresh = torch.full((len(rows),), t % LENGTH == 0)
         actions.append(agent.act(obs, fresh))
         end = torch.full((len(rows),), t % LENGTH == LENGTH - 1)
-        earned = torch.full((len(rows),), unit * reward)
+        earned = torch.full((len(rows),), reward)
         agent.learn(Transition(obs, actions[-1], earned, after, end))
     return agent, torch.stack(actions)
 
@@ -56,14 +56,10 @@ def test_what_was_learned_acts_where_promises_are_broken():
 
 
 def test_sources_that_may_not_play_leave_every_episode_to_what_was_learned():
-    agent, actions = run(3 * LENGTH, reward=1e6, sources_play=False)  # they would keep any promise
+    agent, _ = run(3 * LENGTH, reward=1e6, sources_play=False)  # they would keep any promise
     assert agent.state()["played"].tolist() == RUNS * [2 * [SOURCES]]
-    g = torch.Generator().manual_seed(0)
-    first = greedy(
-        Q, sources().mean(1, keepdim=True), torch.randn(2, RUNS, FEATURES, generator=g)[0]
-    )
-    assert torch.equal(actions[0], first)
-    torch.testing.assert_close(agent.mu, agent.learned.mu)
+    # too few steps for it to leave the sources' mean, where it starts
+    torch.testing.assert_close(agent.mu, sources().mean(1, keepdim=True))
     assert agent.improved.all()
 
 
@@ -84,23 +80,11 @@ def test_a_source_that_has_learned_nothing_hides_no_broken_promise():
     assert all(record.kept()[0] == [] for record in agent.records)
 
 
-def test_rewards_and_sources_in_other_units_leave_the_choice_of_who_plays_as_it_is():
-    # what is learned changes a little: kappa of mellowmax keeps its unit
-    (agent, acts), (scaled, same) = (run(150, unit=u, reward=-0.5) for u in (1.0, 64.0))
-    assert [r.played for r in scaled.records] == [r.played for r in agent.records]
-    assert (acts == same).float().mean() > 0.98  # rounding may turn a tie
-
-
 def test_a_run_does_not_depend_on_its_neighbours():
     (both, acts), (alone, own) = run(150, reward=-5.0), run(150, rows=[1], reward=-5.0)
     assert both.records[1] == alone.records[0]
+    torch.testing.assert_close(alone.learned.mu[0], both.learned.mu[1], rtol=1e-4, atol=1e-5)
     assert (acts[:, 1:] == own).float().mean() > 0.98
-
-
-def test_what_is_learned_starts_at_the_sources_mean():
-    before, _ = run(FIRST)
-    mean = sources().mean(1, keepdim=True).expand_as(before.learned.mu)
-    torch.testing.assert_close(before.learned.mu, mean)
 
 
 def test_its_state_is_all_that_it_takes_to_go_on():

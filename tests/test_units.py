@@ -5,11 +5,9 @@ import torch
 from torch import nn
 
 from vtbook.neighbours import Recommended
-from vtlib import posteriors
 from vtlib.qfunctions import ModuleQ
 from vtlib.replay import Transition
 from vtlib.rng import Rng
-from vtlib.trust import NARROW
 from vtlib.units import FIRST
 
 FEATURES, ACTIONS, RUNS, SOURCES = 4, 2, 2, 3
@@ -26,16 +24,16 @@ def stream(unit):
         yield Transition(obs, action, torch.rand(RUNS, generator=g), after, end)
 
 
-def learned(steps, unit=1.0, rows=(0, 1), larger=1.0, **settings):
+def learned(steps, unit=1.0, larger=1.0, **settings):
     """An agent after so many transitions, and the actions that it chose on the way."""
     g = torch.Generator().manual_seed(7)
     sources = torch.randn(RUNS, SOURCES, Q.d, generator=g) * unit
-    rows, actions = list(rows), []
-    agent = Recommended(**settings).agent(Q, sources[rows], FEATURES, Rng("recommended", rows))
+    actions = []
+    agent = Recommended(**settings).agent(Q, sources, FEATURES, Rng("recommended", range(RUNS)))
     for _, t in zip(range(steps), stream(unit / larger), strict=False):
-        actions.append(agent.act(t.obs[rows], torch.zeros(len(rows), dtype=torch.bool)))
-        agent.learn(Transition(*(x[rows] for x in t)))
-    return agent, torch.stack(actions), sources[rows]
+        actions.append(agent.act(t.obs, torch.zeros(RUNS, dtype=torch.bool)))
+        agent.learn(t)
+    return agent, torch.stack(actions), sources
 
 
 def test_weights_in_other_units_are_learned_alike():
@@ -43,19 +41,6 @@ def test_weights_in_other_units_are_learned_alike():
     assert (acts == same).float().mean() > 0.98  # rounding may turn a tie
     torch.testing.assert_close(scaled.mu, 100 * learner.mu, rtol=1e-3, atol=1e-2)
     torch.testing.assert_close(scaled.scale_tril, 100 * learner.scale_tril, rtol=1e-2, atol=1e-3)
-
-
-def test_a_run_does_not_depend_on_its_neighbours():
-    (both, acts, _), (alone, own, _) = learned(150), learned(150, rows=[1])
-    torch.testing.assert_close(alone.mu[0], both.mu[1], rtol=1e-4, atol=1e-5)
-    assert (acts[:, 1:] == own).float().mean() > 0.98
-
-
-def test_deviations_of_a_large_network_are_in_the_units_of_its_sources(monkeypatch):
-    monkeypatch.setattr(posteriors, "LARGE", 1)
-    learner, _, sources = learned(3, unit=10.0)
-    unit = sources.square().mean((1, 2), keepdim=True).sqrt()
-    torch.testing.assert_close(learner.deviations, (NARROW * unit).expand_as(learner.mu))
 
 
 def test_it_starts_at_different_sources_and_only_remembers_at_first():

@@ -4,24 +4,19 @@ Read this first. ``vtlib.transfer`` is the same algorithm for many runs at once,
 in closed form and an update of L that costs O(n d^2); the tests hold it to this file.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 import torch
 from torch import Tensor
 
+from vtlib.episodes import GymEpisodes
 from vtlib.priors import Gaussian, kl, kl_bound, pairwise_kl, responsibilities
+from vtlib.qfunctions import QFunction
 from vtlib.replay import ReplayBuffer
+from vtlib.rng import Rng
 from vtlib.td import td_error
-
-if TYPE_CHECKING:  # needed for types only: the tests hold the engine to this file
-    from vtlib.episodes import GymEpisodes
-    from vtlib.qfunctions import QFunction
-    from vtlib.rng import Rng
-    from vtlib.transfer import Settings
+from vtlib.transfer import Settings
 
 
 def algorithm1(

@@ -91,8 +91,7 @@ class EpsilonGreedyLearner(ABC):
     def __init__(
         self, q: QFunction, w: Tensor, obs_dim: int, settings: LearnerSettings, rng: Rng
     ) -> None:
-        check_weights("weights", w, "run", q.d, tensor=True)
-        rng.check_rows(len(w))
+        check_weights("weights", w, "run", q.d)
         self._q, self._settings = q, settings
         self._exploration, self._replay = rng.stream("exploration"), rng.stream("replay")
         self.mu = w.detach().unsqueeze(1).clone()

@@ -2,9 +2,8 @@
 
 import warnings
 from collections.abc import Callable, Sequence
-from functools import partial
 from itertools import islice
-from typing import Any
+from typing import Any, cast
 
 import gymnasium
 import torch
@@ -16,11 +15,11 @@ from vtlib.baselines import DDQNSettings, FineTuning, MellowTDSettings
 from vtlib.checks import check_kind, check_weights, check_whole, shown
 from vtlib.episodes import GymEpisodes
 from vtlib.learned import Learned
-from vtlib.playing import clear, episodes_of, greedy_episodes, stream_name
+from vtlib.playing import episodes_of
 from vtlib.qfunctions import QFunction
 from vtlib.rng import Rng
 from vtlib.training import Agent, arithmetic, check_finite, iterate
-from vtlib.transfer import Settings, VariationalTransfer
+from vtlib.transfer import Settings
 from vtlib.trust import Trust, Trusting, sound
 
 EVERY = 100  # iterations from one record to the next
@@ -35,7 +34,6 @@ def solve(
     iterations: int,
     settings: MellowTDSettings | DDQNSettings | None = None,
     *,
-    trials: int = 10,
     seed: int = 0,
     callback: Callback | None = None,
     progress: bool = False,
@@ -43,43 +41,20 @@ def solve(
     """Learn each environment from scratch, by mellow TD unless settings say DDQN.
 
     All start from one common initialisation, which keeps the hidden units of a network comparable
-    between sources. In the end each plays ``trials`` greedy episodes, which ``reached`` keeps and
-    ``steps`` leaves out; a warning names those that earn no more than the initial weights do.
-    callback is told the iteration, the mean returns (R,) and the weights (R, C, d) every 100
-    iterations, and ends the learning by returning False; progress shows a bar of the iterations.
-    Ctrl-C ends it, too, and what was learned is returned. Raises ValueError for spaces other than
-    Box and Discrete, a Q-function of other sizes, or an environment that is given twice; Diverged
-    when weights cease to be finite.
+    between sources. ``evaluate`` says what each has reached. callback is told the iteration, the
+    mean returns (R,) and the weights (R, C, d) every 100 iterations, and ends the learning by
+    returning False; progress shows a bar of the iterations. Ctrl-C ends it, too, and what was
+    learned is returned. Raises ValueError for spaces other than Box and Discrete, a Q-function of
+    other sizes, or an environment that is given twice; Diverged when weights cease to be finite.
     """
-    check_run(iterations, callback)
-    check_whole("trials", trials, 0)
-    if trials == 1:
-        raise ValueError("trials must be 0 or at least 2, got 1: one has no standard error")
+    check_run(iterations, seed, callback)
     check_kind("settings", settings, MellowTDSettings | DDQNSettings | None)
     settings = settings or MellowTDSettings(epsilon_steps=max(1, iterations // 2))
-    name = stream_name("solve", seed)
+    name = f"solve {seed}"
     episodes, rng = episodes_of(envs, q, name, settings.gamma), Rng(name, range(len(envs)))
     start = 0.1 * Rng(name, [0]).stream("initial weights").normal(q.d).expand(len(envs), -1)
     agent = settings.agent(q, start, episodes.obs_dim, rng)
-    about = {"q": q, "settings": settings, "seed": seed}
-    learned = _learn(agent, episodes, iterations, name, callback, progress, **about)
-    if not trials or learned.interrupted:
-        return learned
-    gamma, ends = settings.gamma, (learned.weights, start.unsqueeze(1))
-    trial = partial(episodes_of, envs, q, f"{name} trial", gamma)
-    try:
-        reached, before = (greedy_episodes(trial(), q, w, trials, gamma) for w in ends)
-    except KeyboardInterrupt:
-        return evolve(learned, interrupted=True)
-    except ValueError as error:  # learning took long, and an endless episode must not lose it
-        warnings.warn(f"what was reached is not known: {error}", stacklevel=3)
-        return learned
-    nothing = ~clear(reached - before)
-    if bool(nothing.any()):
-        runs = ", ".join(map(str, nothing.nonzero().flatten().tolist()))
-        fault = f"runs {runs} of solve learned nothing: greedy play earns no more than"
-        warnings.warn(f"{fault} the initial weights do, which is no source", stacklevel=3)
-    return evolve(learned, reached=reached)
+    return _learn(agent, episodes, iterations, name, callback, progress, q, settings)
 
 
 @arithmetic()
@@ -105,49 +80,34 @@ def transfer(
     torch lacks.
     """
     settings = Trust() if settings is None else settings
-    check_run(iterations, callback)
+    check_run(iterations, seed, callback)
     check_kind("settings", settings, Trust | Settings | FineTuning)
     gamma = (settings.learner if isinstance(settings, FineTuning) else settings).gamma
-    name = stream_name("transfer", seed)
+    name = f"transfer {seed}"
     episodes, rng = episodes_of(envs, q, name, gamma), Rng(name, range(len(envs)))
-    check_sources(q, sources)
-    check_device(device)
+    if isinstance(sources, Learned):  # which would be shown with all that it has
+        raise ValueError("sources must be a Tensor, got Learned: pass .weights[:, 0] of it")
+    check_weights("sources", sources, "source", q.d)
+    check_kind("device", device, str)
+    try:
+        torch.empty(0, device=device)
+    except (RuntimeError, AssertionError) as error:
+        raise ValueError(f"device must be one that torch has here, got {shown(device)}") from error
     if isinstance(settings, Trust) and not bool((good := sound(sources)).all()):
         bad = ", ".join(map(str, (~good).nonzero().flatten().tolist()))
         fault = f"left out are sources [{bad}], whose weights are over ten times as large as most"
         warnings.warn(f"{fault}, as where learning has diverged", stacklevel=3)
         sources = sources[good]
-    # only posteriors are kept elsewhere than on the processor
-    place = "cpu" if isinstance(settings, FineTuning) else device
-    shared = sources.detach().expand(len(envs), *sources.shape).to(place)
+    shared = sources.detach().expand(len(envs), *sources.shape).to(device)
     agent: Any = settings.agent(q, shared, episodes.obs_dim, rng)
-    about = {"q": q, "settings": settings, "seed": seed}
-    return _learn(agent, episodes, iterations, name, callback, progress, **about)
+    return _learn(agent, episodes, iterations, name, callback, progress, q, settings)
 
 
-def check_run(iterations: object, callback: object) -> None:
+def check_run(iterations: object, seed: object, callback: object) -> None:
     """Raise ValueError for arguments with which nothing can learn."""
     check_whole("iterations", iterations)
+    check_whole("seed", seed, 0)
     check_kind("callback", callback, Callable | None)
-
-
-def check_sources(q: QFunction, sources: Any) -> None:
-    """Raise ValueError, with what would help, unless sources (S, d) are weights of a Q-function."""
-    if isinstance(sources, Learned):  # which would be shown with all that it has
-        raise ValueError("sources must be a Tensor, got Learned: pass .weights[:, 0] of it")
-    if isinstance(sources, Tensor) and sources.dim() == 3:
-        got = tuple(sources.shape)
-        raise ValueError(f"sources must have shape (sources, {q.d}), got {got}: pass [:, 0] of it")
-    check_weights("sources", sources, "source", q.d, tensor=True)
-
-
-def check_device(device: object) -> None:
-    """Raise ValueError unless device names one that torch has here."""
-    check_kind("device", device, str)
-    try:
-        torch.empty(0, device=device)  # type: ignore[call-overload]
-    except (RuntimeError, AssertionError) as error:
-        raise ValueError(f"device must be one that torch has here, got {shown(device)}") from error
 
 
 @arithmetic()
@@ -156,29 +116,27 @@ def resume(
     envs: Sequence[gymnasium.Env],
     iterations: int,
     *,
+    seed: int = 0,
     callback: Callback | None = None,
     progress: bool = False,
 ) -> Learned:
-    """Learn on from what was learned, with its settings.
+    """Learn on from the whole state of ``Trust``, with new episodes and random numbers.
 
-    ``Trust`` goes on from its whole state, with new episodes and random numbers. Of others the
-    means take the sources' place, replay memory and optimiser begin anew, and exploration goes on
-    where it ended. Raises as ``solve``, and ValueError where ``learned`` does not know its
-    Q-function.
+    Raises as ``solve``, and ValueError where ``learned`` is not what ``Trust`` has learned, or does
+    not know its Q-function.
     """
     check_kind("learned", learned, Learned)
-    check_run(iterations, callback)
-    q, settings, gamma = learned.q, learned.settings, learned.gamma
-    name = f"{stream_name('resume', learned.seed)} after {int(learned.steps.max())}"
-    episodes, rng = episodes_of(envs, q, name, gamma), Rng(name, range(len(envs)))  # type: ignore[arg-type]
-    about = {"q": q, "settings": settings, "seed": learned.seed}
-    sources = learned.weights if learned.state is None else learned.state["sources"]
-    if isinstance(settings, MellowTDSettings | DDQNSettings):
-        settings, sources = evolve(settings, epsilon_start=settings.epsilon_end), sources[:, 0]
-    agent = settings.agent(q, sources, episodes.obs_dim, rng)
-    if learned.state is not None:
-        agent.restore(learned.state)
-    more = _learn(agent, episodes, iterations, name, callback, progress, **about)
+    check_run(iterations, seed, callback)
+    check_kind("the settings of learned", learned.settings, Trust)
+    settings, state = learned.settings, cast(dict[str, Tensor], learned.state)
+    q = cast(QFunction, learned.q)  # which episodes_of refuses where it is none
+    name = f"resume {seed} after {int(learned.steps.max())}"
+    episodes, rng = episodes_of(envs, q, name, settings.gamma), Rng(name, range(len(envs)))
+    if len(envs) != (runs := len(learned.weights)):
+        raise ValueError(f"envs must be {runs}, one for each run of learned, got {len(envs)}")
+    agent = settings.agent(q, state["sources"], episodes.obs_dim, rng)
+    agent.restore(state)
+    more = _learn(agent, episodes, iterations, name, callback, progress, q, settings)
     return evolve(
         more,
         iterations=torch.cat([learned.iterations, more.iterations + int(learned.steps.max())]),
@@ -194,7 +152,8 @@ def _learn(
     name: str,
     callback: Callback | None,
     progress: bool,
-    **about: Any,
+    q: QFunction,
+    settings: Any,
 ) -> Learned:
     runs, times, returns = len(agent.mu), [], []
     names, done = [f"run {r} of {name}" for r in range(runs)], 0
@@ -213,25 +172,20 @@ def _learn(
     except KeyboardInterrupt:
         interrupted = True
     check_finite(agent.mu, names, done)
-    mu = factors = state = None
-    weights, improved = agent.mu.detach().cpu().clone(), torch.ones(runs, dtype=torch.bool)
-    posterior: Any = agent
+    weights, improved, state = agent.mu.detach().cpu(), torch.ones(runs, dtype=torch.bool), None
     if isinstance(agent, Trusting):
-        posterior, improved, state = agent.learned, agent.improved, agent.state()
-        weights = torch.where(improved.view(-1, 1, 1), posterior.mu.cpu(), agent.best_source)
-    if isinstance(posterior, VariationalTransfer):
-        factors = posterior.scale_tril if posterior.deviations is None else posterior.deviations
-        mu, factors = (x.detach().cpu().clone() for x in (posterior.mu, factors))
+        improved, state = agent.improved, agent.state()
+        leads = improved.view(-1, 1, 1)
+        weights = torch.where(leads, agent.learned.mu.cpu(), agent.best_source)
     return Learned(
-        weights=weights,
+        weights=weights.clone(),
         iterations=torch.tensor(times, dtype=torch.int64),
         returns=torch.stack(returns, 1) if returns else torch.empty(runs, 0),
         steps=torch.full((runs,), done),
         improved=improved,
-        mu=mu,
-        scale_tril=factors,
         state=state,
+        q=q,
+        settings=settings,
         first_action=episodes.first_action,
         interrupted=interrupted,
-        **about,
     )

@@ -32,15 +32,9 @@ def evaluate(
     """
     check_whole("episodes", episodes)
     check_between("gamma", gamma, 0, 1)
-    lock = episodes_of(envs, q, stream_name("evaluate", seed), gamma)
-    check_weights("weights", weights, len(envs), "component", q.d, tensor=True)
-    return greedy_episodes(lock, q, weights, episodes, gamma)
-
-
-def greedy_episodes(
-    lock: GymEpisodes, q: QFunction, weights: Tensor, episodes: int, gamma: float
-) -> Tensor:
-    """Returns (R, episodes) of the next greedy episodes in lock-step, by weights (R, C, d)."""
+    check_whole("seed", seed, 0)
+    lock = episodes_of(envs, q, f"evaluate {seed}", gamma)
+    check_weights("weights", weights, len(envs), "component", q.d)
     runs = len(weights)
     running, discount = torch.zeros(runs), torch.ones(runs)
     count = torch.zeros(runs, dtype=torch.int64)
@@ -59,19 +53,6 @@ def greedy_episodes(
             fault = f"envs must end their episodes, got {LONGEST:,} steps without an end"
             raise ValueError(f"{fault}: gymnasium.wrappers.TimeLimit ends them")
     return returns
-
-
-def clear(gain: Tensor) -> Tensor:
-    """Whether gains (R, episodes) are above 0 on average, and at least by their standard error."""
-    noise = gain.std(1, correction=0) / (gain.shape[1] - 1) ** 0.5
-    clear: Tensor = (gain.mean(1) > 0) & (gain.mean(1) >= noise)
-    return clear
-
-
-def stream_name(task: str, seed: int) -> str:
-    """The name of a call's random streams; ValueError for a seed that is no whole number."""
-    check_whole("seed", seed, 0)
-    return f"{task} {seed}"
 
 
 def episodes_of(

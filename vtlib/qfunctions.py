@@ -6,9 +6,8 @@ shared by the K vectors. Values come as (R, K, A, B), actions before states.
 
 from collections.abc import Callable, Sequence
 from itertools import pairwise
-from typing import Any, Protocol, runtime_checkable
+from typing import Protocol, runtime_checkable
 
-import numpy as np
 import torch
 from torch import Tensor, nn
 from torch.func import functional_call, vjp, vmap
@@ -39,22 +38,6 @@ def greedy(q: QFunction, w: Tensor, obs: Tensor) -> Tensor:
     return q.q(w, q.prepare(obs.unsqueeze(1)))[:, 0, :, 0].argmax(-1)
 
 
-def described(q: QFunction) -> dict[str, Any]:
-    """What a file says of a Q-function, in plain numbers and words."""
-    about = {"kind": type(q).__name__, "d": q.d, "n_actions": q.n_actions}
-    return about | getattr(q, "sizes_of_parts", {})
-
-
-def from_description(about: dict[str, Any], q: QFunction | None = None) -> QFunction:
-    """The Q-function of a description, or q where it is that one; ValueError where it is not."""
-    if q is None and about["kind"] == "MLP":
-        return MLP(about["sizes"])
-    own = None if q is None else described(q)
-    if own != about:
-        raise ValueError(f"q must be the saved {shown(about)}, got {shown(own)}")
-    return q  # type: ignore[return-value]
-
-
 class MLP:
     """Multilayer perceptron with ReLU units; sizes lists the layers, e.g. (4, 32, 2).
 
@@ -62,17 +45,14 @@ class MLP:
     """
 
     def __init__(self, sizes: Sequence[int]) -> None:
-        whole = isinstance(sizes, Sequence) and all(
-            isinstance(x, int | np.integer) and not isinstance(x, bool) for x in sizes
-        )
-        if not whole or len(sizes) < 2 or min(sizes) < 1:
-            rule = "sizes must list at least two positive layer sizes"
-            raise ValueError(f"{rule}, got {shown(sizes)}")
+        if not isinstance(sizes, Sequence) or len(sizes) < 2:
+            raise ValueError(f"sizes must list at least two layer sizes, got {shown(sizes)}")
+        for size in sizes:
+            check_whole("each of sizes", size)
         self.sizes = tuple(map(int, sizes))
         self._layers = list(pairwise(self.sizes))
         self.n_actions, self.width = self.sizes[-1], max(self.sizes)
         self.d = sum(out * (into + 1) for into, out in self._layers)
-        self.sizes_of_parts = {"sizes": list(self.sizes)}  # for a file
 
     def prepare(self, obs: Tensor) -> Tensor:
         """Observations (R, B, obs_dim) as columns (R, obs_dim + 1, B) that end in a one."""
@@ -162,7 +142,7 @@ class ModuleQ:
 
     The module's parameters, flattened in the order of ``named_parameters``, are the weights, but
     for those that require no gradient, which stay as they are; the module itself is only read.
-    Slower than by hand. Raises ValueError for buffers, dropout, or nothing to train.
+    Slower than by hand. Raises ValueError for buffers, or nothing to train.
     """
 
     def __init__(self, module: nn.Module, n_actions: int) -> None:
@@ -170,8 +150,6 @@ class ModuleQ:
         check_kind("module", module, nn.Module)
         if buffers := [name for name, _ in module.named_buffers()]:
             raise ValueError(f"module must have no buffers, it has {', '.join(buffers)}")
-        if any(isinstance(part, nn.modules.dropout._DropoutNd) for part in module.modules()):
-            raise ValueError("module must give the same values each time, it has dropout")
         self.n_actions = int(n_actions)
         self._module = module
         trained = [(name, p) for name, p in module.named_parameters() if p.requires_grad]
@@ -180,7 +158,6 @@ class ModuleQ:
             raise ValueError("module must have parameters that require gradients, it has none")
         self.width = max(shape[:1].numel() for shape in self._shapes.values())
         self.d = sum(shape.numel() for shape in self._shapes.values())
-        self.sizes_of_parts = {"shapes": {x: list(shape) for x, shape in self._shapes.items()}}
 
     def flatten(self, module: nn.Module) -> Tensor:
         """The weights (d,) of a module of the same shape, such as a solved source's network."""

@@ -62,8 +62,6 @@ class ReplayBuffer:
     def sample(self, uniforms: Tensor) -> Transition:
         """A minibatch (R, B) chosen by uniforms (R, B) on [0, 1)."""
         size = len(self)
-        if not size:
-            raise ValueError("cannot sample from an empty replay buffer")
         index = (uniforms * size).long().clamp_(max=size - 1)
         rows = self._rows.gather(1, index.unsqueeze(-1).expand(-1, -1, self._rows.shape[2]))
         o = self._obs_dim

@@ -19,18 +19,14 @@ def generator(experiment: str, run: int, role: str) -> np.random.Generator:
 class Stream:
     """Random numbers of one role for a batch of runs, one independent generator per run.
 
-    A stream always yields the same kind and count ``n`` of numbers per draw, so its values depend
-    neither on how many are drawn ahead nor on the runs beside it. Raises ValueError for another.
+    All draws of a stream must be of the same kind and count ``n``. Its values depend neither on how
+    many are drawn ahead nor on the runs beside it.
     """
 
     def __init__(self, experiment: str, runs: Sequence[int], role: str) -> None:
         self._generators = [generator(experiment, run, role) for run in runs]
-        self._kind: tuple[str, int] | None = None
-        self._block = torch.empty(0, 0)
+        self._block = torch.empty(len(runs), 0)
         self._next = 0
-
-    def __len__(self) -> int:
-        return len(self._generators)
 
     def normal(self, n: int) -> Tensor:
         """Standard normal numbers, float32 of shape (R, n)."""
@@ -43,15 +39,9 @@ class Stream:
     def keep(self, rows: Sequence[int]) -> None:
         """Go on with some of the runs, by their places in the batch, in that order."""
         self._generators = [self._generators[row] for row in rows]
-        if self._kind is not None:
-            self._block = self._block[rows]
+        self._block = self._block[rows]
 
     def _draw(self, kind: str, n: int) -> Tensor:
-        if self._kind is None:
-            self._kind = (kind, n)
-        if self._kind != (kind, n):
-            first = f"{self._kind[1]} {self._kind[0]}"
-            raise ValueError(f"this stream yields {first} numbers a draw, not {n} {kind}")
         if self._next == self._block.shape[1]:
             ahead = max(1, min(256, BLOCK // max(1, n * len(self._generators))))
             block = np.empty((len(self._generators), ahead, n), np.float32)
@@ -74,8 +64,3 @@ class Rng:
     def stream(self, role: str) -> Stream:
         """The stream of a role, from its beginning."""
         return Stream(self._experiment, self._runs, role)
-
-    def check_rows(self, rows: int) -> None:
-        """Raise ValueError unless there is one row of weights for each run."""
-        if rows != (runs := len(self._runs)):
-            raise ValueError(f"there must be weights for each of {runs} runs, got {rows}")

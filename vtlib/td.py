@@ -5,7 +5,6 @@ import math
 import torch
 from torch import Tensor
 
-from vtlib.checks import check_positive
 from vtlib.qfunctions import QFunction
 from vtlib.replay import Transition
 
@@ -17,9 +16,8 @@ def mellowmax(values: Tensor, kappa: float, dim: int = -1) -> Tensor:
     """Softened maximum of eq. 5.3: log of the mean of exp(kappa * values), over kappa, along dim.
 
     Lies between the mean (kappa -> 0) and the maximum (kappa -> infinity). Source: Asadi and
-    Littman (2017). Raises ValueError unless kappa is finite and positive.
+    Littman (2017).
     """
-    check_positive("kappa", kappa)
     top = values.amax(dim, keepdim=True)
     # the mean (not logsumexp minus a log) makes the mellowmax of equal values exact
     soft = exp_of_differences(kappa * (values - top)).mean(dim, keepdim=True).log_().div_(kappa)
@@ -80,20 +78,11 @@ def td_gradients(
 
     batch: a minibatch (R, B) for each run, shared by its K weight vectors.
     """
-    runs, k, _ = w.shape
-    size = 2 * batch.obs.shape[1] * q.width  # floats for one weight vector
-    rows = min(runs, max(1, CACHED // (k * size)))
-    columns = math.ceil(k / math.ceil(k * size / CACHED)) if rows == 1 else k
-    if (rows, columns) == (runs, k):
-        return _td_gradients(q, w, batch, psi, gamma, kappa)
-    # the values of hidden units for all weights at once would not fit into the cache
-    gradients = torch.empty_like(w)
-    for at in range(0, runs, rows):
-        transitions = Transition(*(x[at : at + rows] for x in batch))
-        for start in range(0, k, columns):
-            part = slice(at, at + rows), slice(start, start + columns)
-            gradients[part] = _td_gradients(q, w[part], transitions, psi, gamma, kappa)
-    return gradients
+    # few runs at a time: the values of hidden units for all of them would not fit into the cache
+    rows = max(1, CACHED // (2 * batch.obs.shape[1] * q.width * w.shape[1]))
+    parts = zip(*(x.split(rows) for x in (w, *batch)), strict=True)
+    each = [_td_gradients(q, x, Transition(*rest), psi, gamma, kappa) for x, *rest in parts]
+    return torch.cat(each)
 
 
 def _td_gradients(

@@ -14,7 +14,7 @@ from attrs import field, frozen
 from torch import Tensor
 
 from vtlib.checks import HUGE, TINY, between, check_weights, one_of, positive, whole
-from vtlib.posteriors import COVARIANCES, Descent, Diagonal
+from vtlib.posteriors import COVARIANCES, Descent
 from vtlib.priors import PRIOR_JITTER, GaussianPrior, MixturePrior
 from vtlib.qfunctions import QFunction, greedy
 from vtlib.replay import ReplayBuffer, Transition
@@ -118,8 +118,7 @@ class VariationalTransfer:
     def __init__(
         self, q: QFunction, sources: Tensor, obs_dim: int, settings: Settings, rng: Rng
     ) -> None:
-        check_weights("sources", sources, "run", "source", q.d, tensor=True)
-        rng.check_rows(len(sources))
+        check_weights("sources", sources, "run", "source", q.d)
         s, sources = settings, sources.detach()
         self._q, self._settings, self._device = q, settings, sources.device
         self._component, self._replay = rng.stream("component"), rng.stream("replay")
@@ -149,12 +148,6 @@ class VariationalTransfer:
     def scale_tril(self) -> Tensor:
         """The posterior's Cholesky factors (R, C, d, d)."""
         return self._posterior.scale_tril
-
-    @property
-    def deviations(self) -> Tensor | None:
-        """Standard deviations (R, C, d) of a posterior without correlations; None of others."""
-        posterior = self._posterior
-        return posterior.deviations if isinstance(posterior, Diagonal) else None
 
     def act(self, obs: Tensor, fresh: Tensor) -> Tensor:
         """Greedy actions (R,) of one posterior sample; fresh (R,) marks first steps of episodes."""

@@ -15,6 +15,7 @@ import numpy as np
 import torch
 from attrs import field, frozen
 from torch import Tensor
+from torch.nn.utils.rnn import pad_sequence
 
 from vtlib.checks import between, kind, whole
 from vtlib.promises import Record
@@ -153,14 +154,12 @@ class Trusting:
         learned, and -1 after a run's last; ``trust``, ``gained`` and ``short`` (R, E) are those of
         ``Record``.
         """
-        episodes = max(len(record.gained) for record in self.records)
-        story = torch.full((len(PARTS), len(self.records), episodes), torch.nan)
-        for part, name in zip(story, PARTS, strict=True):
-            for row, record in zip(part, self.records, strict=True):
-                ended = getattr(record, name)[: len(record.gained)]
-                row[: len(ended)] = torch.tensor(ended)
-        told = dict(zip(PARTS, story, strict=True))
-        played = told["played"].nan_to_num(-1).long()
+        told = {}
+        for name in PARTS:
+            ended = [torch.tensor(getattr(x, name)[: len(x.gained)]) for x in self.records]
+            absent = -1 if name == "played" else torch.nan
+            told[name] = pad_sequence(ended, batch_first=True, padding_value=absent)
+        played = told["played"].long()  # of a run without episodes they are floats
         return {**self.learned.state(), **told, "played": played, "sources": self._sources}
 
     def restore(self, state: Mapping[str, Tensor]) -> None:

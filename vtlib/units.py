@@ -42,7 +42,7 @@ class InUnits(VariationalTransfer):
         updates: int,
         rng: Rng,
     ) -> None:
-        check_weights("sources", sources, "run", "source", q.d, tensor=True)
+        check_weights("sources", sources, "run", "source", q.d)
         sources = sources.detach()
         self._unit = sources.square().mean((1, 2), keepdim=True).sqrt()
         if not bool(((self._unit > 0) & self._unit.isfinite()).all()):
@@ -58,11 +58,6 @@ class InUnits(VariationalTransfer):
     @property
     def scale_tril(self) -> Tensor:
         return self._posterior.scale_tril * self._unit.unsqueeze(-1)
-
-    @property
-    def deviations(self) -> Tensor | None:
-        deviations = super().deviations
-        return None if deviations is None else deviations * self._unit
 
     def learn(self, transition: Transition) -> None:
         """Store one transition of each run and take some gradient steps on eq. 5.2."""

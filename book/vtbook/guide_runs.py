@@ -137,9 +137,7 @@ def solved(name: str, stored: store.Arrays | None) -> store.Arrays:
     envs = [kind.make(x) for x in kind.sources]
     if stored is None:
         half = MellowTDSettings(epsilon_steps=kind.solving // 2, minibatch=100)
-        weights = whole(
-            solve(envs, kind.q, kind.solving, kind.solver or half, trials=0, seed=SOLVED)
-        ).weights
+        weights = whole(solve(envs, kind.q, kind.solving, kind.solver or half, seed=SOLVED)).weights
     else:
         weights = torch.from_numpy(stored["weights"]).unsqueeze(1)
     own = evaluate(envs, kind.q, weights, seed=SOLVED).mean(1)
@@ -166,7 +164,7 @@ def judge(name: str, parameter: Any, sources: torch.Tensor, runs: int) -> store.
     ours = whole(transfer(envs, kind.q, sources, kind.learning, seed=SEED))
     tuned = transfer(envs, kind.q, sources[[best]], kind.learning, FineTuning(TUNING), seed=SEED)
     tuning = whole(tuned)
-    nothing = whole(solve(envs, kind.q, kind.learning, trials=0, seed=SEED))
+    nothing = whole(solve(envs, kind.q, kind.learning, seed=SEED))
     return {
         "sources": alone,
         "from nothing": earned(nothing.weights),

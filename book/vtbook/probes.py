@@ -56,7 +56,7 @@ class Probe(ABC):
 
 def random_pairs(places: Stream, count: int) -> tuple[Tensor, Tensor]:
     """So many states (R, count, 2) in the rooms and actions (R, count), both uniform."""
-    u = places.uniform(3 * count).view(len(places), count, 3)
+    u = places.uniform(3 * count).view(-1, count, 3)
     return SIDE * u[..., :2], (u[..., 2] * Rooms.n_actions).long()
 
 

@@ -32,8 +32,9 @@ class AttemptRng(Rng):
 
 def check_pool_weights(pool: Pool, weights: object) -> None:
     """Raise ValueError unless weights are an array (count, d) of one finite vector per source."""
-    check_kind(f"weights of {pool.name}", weights, np.ndarray)
-    check_weights(f"weights of {pool.name}", weights, pool.count, pool.family.q().d)
+    name = f"weights of {pool.name}"
+    check_kind(name, weights, np.ndarray)
+    check_weights(name, torch.as_tensor(weights), pool.count, pool.family.q().d)
 
 
 class SourceTraining:

@@ -14,7 +14,7 @@ from vtlib.baselines import LearnerSettings, MellowTDSettings
 from vtlib.transfer import Settings
 
 NO_WHOLE = [0, -1, 1.0, True, "3", None, 10**10, math.nan]
-NO_NAME = ["", " ", "..", "a/b", "a\nb", "\u2028", "é" * 101, 3, None]
+NO_NAME = ["", " ", "..", "a/b", "a\nb", "\u2028", 3, None]
 NO_KIND = [None, 3, "rooms", object]
 BY_KIND = [
     ("name stream", NO_NAME),

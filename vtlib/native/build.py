@@ -54,8 +54,6 @@ def compile_library(source: Path) -> list[Path]:
         lines = str(getattr(error, "stderr", None) or error).strip().splitlines()
         last = ([line for line in lines if "error:" in line] or lines or [repr(error)])[-1]
         raise RuntimeError(f"the kernels cannot be compiled here: {last}") from error
-    for path in set(made[0].parent.glob(f"{source.stem}-*")).difference(made):
-        path.unlink(missing_ok=True)  # of older sources
     return made
 
 

@@ -4,16 +4,13 @@ from collections.abc import Callable
 
 from vtlib.native import LOGGER, kernels
 from vtlib.posteriors.base import Descent, Posterior
-from vtlib.posteriors.blocked import Blocked
 from vtlib.posteriors.dense import Dense
-from vtlib.posteriors.diagonal import Diagonal
-from vtlib.posteriors.fixed import Fixed
-from vtlib.posteriors.fused import Fused
-from vtlib.posteriors.native import MOST_SAMPLES
+from vtlib.posteriors.diagonal import Diagonal, Fixed
+from vtlib.posteriors.native import MOST_SAMPLES, Blocked, Fused
 from vtlib.priors import Precision, Start
 from vtlib.rng import Stream
 
-__all__ = ["COVARIANCES", "Descent", "Diagonal", "Posterior"]
+__all__ = ["COVARIANCES", "Descent", "Posterior"]
 
 LARGE = 2000  # from so many weights on a covariance is diagonal unless "dense" is asked for
 CALM = 1e-4  # the largest step on a diagonal that has destroyed no network's weights
@@ -36,20 +33,10 @@ def _full(
     return kind(start, precision, descent, noise, n_samples)
 
 
-def _diagonal(
-    start: Start, precision: Precision, descent: Descent, noise: Stream, n_samples: int
-) -> Posterior:
-    """A diagonal covariance, and a line in the log where its step may be too large."""
-    if descent.alpha > CALM:
-        rule = "alpha_L = %g can destroy a network's weights on a diagonal, %g did not"
-        LOGGER.warning(rule, descent.alpha, CALM)
-    return Diagonal(start, precision, descent, noise, n_samples)
-
-
 #: A family of posteriors is chosen by its name here; a new one is a class and a line.
 COVARIANCES: dict[str, Callable[[Start, Precision, Descent, Stream, int], Posterior]] = {
     "full": _full,
     "dense": Dense,
-    "diagonal": _diagonal,
+    "diagonal": Diagonal,
     "fixed": Fixed,
 }

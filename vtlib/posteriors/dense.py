@@ -1,4 +1,4 @@
-"""Posteriors with a full covariance, plainly: the reference of `Fused`, and for graphics cards."""
+"""Posteriors with a full covariance, plainly: the kernels' reference, and for graphics cards."""
 
 import torch
 from torch import Tensor

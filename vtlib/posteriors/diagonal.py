@@ -23,11 +23,6 @@ class Diagonal(Posterior):
         if start.spread is not None and not self._sigma.isfinite().all():
             raise too_far_apart(start.spread)
 
-    @property
-    def deviations(self) -> Tensor:
-        """Standard deviations of the weights (R, C, d)."""
-        return self._sigma.view_as(self.mu)
-
     def _factors(self) -> Tensor:
         return torch.diag_embed(self._sigma)
 
@@ -39,3 +34,10 @@ class Diagonal(Posterior):
         gradient = (gradients * z).sum(1).add_(pull, alpha=kl_weight)
         self._sigma -= self._alpha * gradient.clamp_(-self._clip, self._clip)
         self._sigma.clamp_(min=self._sigma_min)
+
+
+class Fixed(Diagonal):
+    """Gaussians of which only the means are learned: deviations stay the prior's for ever."""
+
+    def step(self, gradients: Tensor, kl_weight: float) -> None:
+        """Leave the deviations as they are."""

@@ -40,8 +40,7 @@ class Learner(ABC):
     mu: Tensor  # weights (R, C, d) of the greedy policy
 
     def __init__(self, q: QFunction, sources: Tensor, obs_dim: int, settings: Any, rng: Rng):
-        check_weights("sources", sources, "run", "source", q.d, tensor=True)
-        rng.check_rows(len(sources))
+        check_weights("sources", sources, "run", "source", q.d)
         self._q, self._replay = q, rng.stream("replay")
         self._buffer = ReplayBuffer(len(sources), settings.buffer, obs_dim)
         self._td, self._steps = settings, 0

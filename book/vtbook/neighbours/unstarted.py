@@ -26,7 +26,6 @@ class UnstartedSettings(Settings):
     def agent(self, q: QFunction, sources: Tensor, obs_dim: int, rng: Rng) -> VariationalTransfer:
         """An agent that starts from weights of the stream "first weights", not from sources."""
         check_weights("sources", sources, "run", "source", q.d)
-        rng.check_rows(len(sources))
         first = rng.stream("first weights").normal(self.components * q.d)
         first = self.scale * first.view(-1, self.components, q.d)
         both = torch.cat([first.to(sources.device), sources], 1)

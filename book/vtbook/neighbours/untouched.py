@@ -40,8 +40,7 @@ class Untouched:
     """
 
     def __init__(self, q: QFunction, sources: Tensor, settings: UntouchedSettings, rng: Rng):
-        check_weights("sources", sources, "run", "source", q.d, tensor=True)
-        rng.check_rows(len(sources))
+        check_weights("sources", sources, "run", "source", q.d)
         runs, count, _ = sources.shape
         self._q, self._sources, self._settings = q, sources, settings
         self._runs, self._trials = torch.arange(runs), settings.trials * count

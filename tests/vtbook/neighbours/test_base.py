@@ -43,6 +43,5 @@ def test_a_run_depends_on_no_other_in_the_batch_and_leaves_sources_alone(setting
 
 @pytest.mark.parametrize("settings", KINDS)
 def test_wrong_sources_are_refused(settings):
-    for bad, words in ((torch.nan * SOURCES, "finite"), (SOURCES[:2], "each of 3 runs")):
-        with pytest.raises(ValueError, match=words):
-            settings.agent(Q, bad, 2, Rng("t", range(3)))
+    with pytest.raises(ValueError, match="finite"):
+        settings.agent(Q, torch.nan * SOURCES, 2, Rng("t", range(3)))
