@@ -12,11 +12,10 @@ PYTHON ?= python3.11
 VENV   ?= .venv
 # For example --no-browser --port=9999.
 LAB_OPTIONS ?=
-# make reproduce ONLY="thesis" or ONLY="cartpole mountain-car" RUNS=2 JOBS=4 DEVICE=cuda
+# make reproduce ONLY="thesis" or ONLY="cartpole mountain-car" RUNS=2 JOBS=4
 ONLY ?=
 RUNS ?=
 JOBS ?=
-DEVICE ?=
 # make book ONLINE=yes: without the browser scripts, which pages then load from public servers.
 ONLINE ?=
 
@@ -96,7 +95,7 @@ reproduce: set-up
 	@echo "==> Computing stored runs again from nothing: all of them take hours, see the time left."
 	@echo "    Ctrl-C is safe: the same command goes on where it was stopped."
 	@$(PY) vtlab reproduce $(addprefix --only ,$(ONLY)) $(addprefix --runs ,$(RUNS)) \
-		$(addprefix --jobs ,$(JOBS)) $(addprefix --device ,$(DEVICE)); code=$$?; \
+		$(addprefix --jobs ,$(JOBS)); code=$$?; \
 	if [ $$code -le 1 ] && [ -z "$(ONLY)$(RUNS)" ]; then \
 		$(BIN)/python book/_ext/build.py --results _build/reproduced || exit 1; \
 	fi; exit $$code

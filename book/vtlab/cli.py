@@ -1,12 +1,11 @@
 """Command line: python -m vtlab run | verify | reproduce, and what packages add."""
 
 import argparse
-import contextlib
 import re
 import secrets
 import sys
 from collections.abc import Callable, Iterable
-from concurrent.futures import BrokenExecutor, Executor
+from concurrent.futures import BrokenExecutor
 from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any
@@ -72,11 +71,8 @@ def _parser() -> argparse.ArgumentParser:
     for entry in entry_points(group="vtlab.commands"):
         command = commands.add_parser(entry.name, help=f"from {entry.module}")
         command.set_defaults(command=lambda _, entry=entry: entry.load()())
-    device = _like("cpu|cuda(:[0-9]{1,3})?", "cpu, cuda or cuda:N")
     for command in (run, reproduce):
         command.add_argument("--jobs", type=count, help="processes, by default one per core")
-        help = "where posteriors and their networks are kept: cpu, or cuda"
-        command.add_argument("--device", type=device, default="cpu", help=help)
     return parser
 
 
@@ -89,17 +85,10 @@ def _like(pattern: str, allowed: str, kind: type = str) -> Callable[[str], Any]:
     return matching
 
 
-def _workers(options: argparse.Namespace) -> contextlib.AbstractContextManager[Executor]:
-    count, device = torch.cuda.device_count(), torch.device(options.device)
-    if device.type == "cuda" and (device.index or 0) >= count:
-        raise ValueError(f"--device: torch finds {count} CUDA cards here, got {options.device}")
-    return processes(options.jobs)
-
-
 def _run(options: argparse.Namespace) -> int:
     experiments = named(options.experiment)
-    with _workers(options) as executor:
-        complete(experiments, options.results, executor, options.device)
+    with processes(options.jobs) as executor:
+        complete(experiments, options.results, executor)
     print(f"{options.experiment} is complete under {options.results}")
     return 0
 
@@ -133,8 +122,7 @@ def _reproduce(options: argparse.Namespace) -> int:
     experiments = _experiments(options.only or catalogue())
     store.check_readable(options.results)
     fresh = Path("_build", f"reproduced-{options.runs}" if options.runs else "reproduced")
-    with _workers(options) as executor:
-        folders = options.results, fresh
-        comparisons = reproduce(experiments, *folders, options.runs, executor, options.device)
+    with processes(options.jobs) as executor:
+        comparisons = reproduce(experiments, options.results, fresh, options.runs, executor)
     print("\n".join(report(comparisons)))
     return 0 if all(c.verdict.same for c in comparisons) else 1

@@ -29,7 +29,6 @@ def reproduce(
     fresh: Path,
     runs: int | None = None,
     executor: Executor | None = None,
-    device: str = "cpu",
 ) -> list[Comparison]:
     """Compute experiments under ``fresh``, resuming there, and compare with those under root.
 
@@ -43,7 +42,7 @@ def reproduce(
         if store.exists(path := store.path_of(owner, label, root)):
             store.check_note(path, store.read(path)[1], owner, label)
     first = {e.name: e if runs is None else first_runs(e, runs) for e in experiments}
-    complete(list(first.values()), fresh, executor, device)
+    complete(list(first.values()), fresh, executor)
     comparisons = []
     for owner, label in results:
         new = first.get(owner.name, owner)

@@ -128,13 +128,11 @@ def same_arrays(a: Arrays, b: Arrays) -> bool:
     return first == second
 
 
-def machine(device: str = "cpu") -> dict[str, str]:
-    """Versions and processor, the graphics card if one is used, and kernels: "none" without."""
-    parts = {} if device == "cpu" else {"device": torch.cuda.get_device_name(device)}
-    if native.level() is None:
-        parts["kernels"] = "none"
+def machine() -> dict[str, str]:
+    """Versions and processor, and kernels: "none" without them."""
+    without = {"kernels": "none"} if native.level() is None else {}
     return {
-        **parts,
+        **without,
         "python": platform.python_version(),
         "torch": torch.__version__,
         "numpy": np.__version__,

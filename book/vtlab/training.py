@@ -38,7 +38,7 @@ def train(
             check_finite(agent.mu, names, t)
             times.append(t)
             learning.append(episodes.returns.mean().numpy())
-            greedy.append(evaluate(agent.mu.cpu()).numpy())
+            greedy.append(evaluate(agent.mu).numpy())
             if progress is not None and not progress(t):
                 break
     return recorded(len(names), times, learning, greedy, prints)
@@ -58,6 +58,6 @@ def recorded(
 
 def fingerprint(agent: Agent, episodes: Episodes) -> np.ndarray:
     """Four numbers (R, 4) that any change of a run's course would change."""
-    mu = agent.mu.detach().cpu().double().flatten(1)
+    mu = agent.mu.detach().double().flatten(1)
     parts = [mu.sum(1), mu.square().sum(1), episodes.obs.double().sum(1)]
     return torch.stack([*parts, episodes.returns.mean().double()], 1).numpy()

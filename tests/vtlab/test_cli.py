@@ -7,11 +7,10 @@ from unittest.mock import Mock
 
 import numpy as np
 import pytest
-import torch
 from attrs import evolve
 
 from vtbook.experiments import EXPERIMENTS, THESIS
-from vtlab import cli, registry, run, schedule, store
+from vtlab import cli, registry, schedule, store
 from vtlab.registry import installed
 
 RESULTS = ("tiny-pool/sources", "tiny/tasks", "tiny/NT", "tiny/GVT")
@@ -100,14 +99,13 @@ def test_an_unknown_experiment_is_refused_before_any_work(capsys, name):
         assert line == f"vtlab: unknown experiment {name!r}, {near} perhaps; run --help lists all"
 
 
-COUNT, DEVICE = "must be a whole number of at least", "must be cpu, cuda or cuda:N"
+COUNT = "must be a whole number of at least"
 BAD = {
     "": "required",
     "run": "required",
     "reproduce --runs 0": f"{COUNT} 1, got '0'",
     "verify --seed=-1": f"{COUNT} 0, got '-1'",
     **{f"run tiny --jobs={x}": f"{COUNT} 1, got {x!r}" for x in ("-3", "0", "2.5", "", "²")},
-    **{f"run tiny --device={x}": f"{DEVICE}, got {x!r}" for x in ("gpu", "cuda:", "cuda:²", "")},
 }
 
 
@@ -180,22 +178,3 @@ FULL = "[Errno 28] No space left on device"
 def test_killed_workers_and_a_full_disk_end_a_command(capsys, monkeypatch, error, line):
     monkeypatch.setattr(cli, "complete", Mock(side_effect=error))
     assert refused(capsys, "run", "tiny") == f"vtlab: {line}"
-
-
-def test_a_device_that_is_not_there_ends_a_command(capsys, monkeypatch):
-    monkeypatch.setattr(torch.cuda, "device_count", lambda: 2)
-    for command in (["run", "tiny"], ["reproduce"]):
-        line = refused(capsys, *command, "--device", "cuda:2")
-        assert line == "vtlab: --device: torch finds 2 CUDA cards here, got cuda:2"
-
-
-def test_only_runs_that_transfer_are_computed_on_the_device(stored, monkeypatch):
-    monkeypatch.setattr(torch.cuda, "device_count", lambda: 2)
-    monkeypatch.setattr(torch.cuda, "get_device_name", lambda device: f"a card called {device}")
-    real = run.run_batch
-    monkeypatch.setattr(run, "run_batch", lambda *unit, device: real(*unit))
-    for name in RESULTS[1:]:
-        store.remove(stored / name)
-    assert main("run", "tiny", "--results", stored, "--device", "cuda:1") == 0
-    machines = [store.provenance(stored / name)["machine"] for name in RESULTS]
-    assert [x.get("device") for x in machines] == [None, None, None, "a card called cuda:1"]
