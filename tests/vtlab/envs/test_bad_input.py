@@ -5,12 +5,7 @@ import pytest
 import torch
 
 from vtlab.envs import MazeFamily, MountainCar, MountainCarFamily, Rooms, RoomsFamily
-from vtlab.envs.cartpole.gym import CartpoleEnv
-from vtlab.envs.maze.gym import MazeEnv
-from vtlab.envs.mountain_car.gym import MountainCarEnv
-from vtlab.envs.rooms.gym import RoomsEnv
-
-ENVIRONMENTS = (RoomsEnv, CartpoleEnv, MountainCarEnv, MazeEnv)
+from vtlab.envs.gym import CartpoleEnv, MazeEnv, RoomsEnv
 
 
 @pytest.mark.parametrize(
@@ -36,7 +31,6 @@ ENVIRONMENTS = (RoomsEnv, CartpoleEnv, MountainCarEnv, MazeEnv)
         (RoomsEnv, {"doors": ((5.0, 5.0), (5.0, 5.0))}, "doors must have shape"),
         (CartpoleEnv, {"half_length": [1.0, 1.0]}, "half_length must be a number or have shape"),
         (MazeEnv, {"maze": "north 1"}, "maze must be one of .*, got 'north 1'"),
-        *((x, {"render_mode": "human"}, "render_mode must be None or") for x in ENVIRONMENTS),
     ],
 )  # fmt: skip
 def test_wrong_values_are_refused(make, arguments, message):
