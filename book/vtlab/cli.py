@@ -2,13 +2,11 @@
 
 import argparse
 import re
-import secrets
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from concurrent.futures import BrokenExecutor
 from importlib.metadata import entry_points
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import torch
@@ -49,7 +47,6 @@ def main(arguments: list[str] | None = None) -> int:
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="python -m vtlab", description=__doc__)
     commands = parser.add_subparsers(required=True, metavar="command")
-    count = _like("[1-9][0-9]*", "a whole number of at least 1", int)
     names = ", ".join([*installed(), *catalogue()])
     run = commands.add_parser("run", help="compute what an experiment still lacks, and store it")
     run.add_argument("experiment", help=f"one of {names}")
@@ -60,11 +57,9 @@ def _parser() -> argparse.ArgumentParser:
     extent = verify.add_mutually_exclusive_group()
     extent.add_argument("--whole", action="store_true", help="all runs, whole")
     extent.add_argument("--quick", action="store_true", help="the first iterations alone")
-    seed = _like("[0-9]+", "a whole number of at least 0", int)
-    extent.add_argument("--seed", type=seed, help="draw the runs that this number drew before")
     reproduce = commands.add_parser("reproduce", help="compute everything anew and compare")
     reproduce.add_argument("--only", action="append", metavar="EXPERIMENT", help="may be repeated")
-    reproduce.add_argument("--runs", type=count, help="only the first so many of each experiment")
+    reproduce.add_argument("--runs", type=_count, help="only the first so many of each experiment")
     for command, work in ((run, _run), (verify, _verify), (reproduce, _reproduce)):
         command.set_defaults(command=work)
         command.add_argument("--results", type=Path, default=store.results_folder())
@@ -72,17 +67,14 @@ def _parser() -> argparse.ArgumentParser:
         command = commands.add_parser(entry.name, help=f"from {entry.module}")
         command.set_defaults(command=lambda _, entry=entry: entry.load()())
     for command in (run, reproduce):
-        command.add_argument("--jobs", type=count, help="processes, by default one per core")
+        command.add_argument("--jobs", type=_count, help="processes, by default one per core")
     return parser
 
 
-def _like(pattern: str, allowed: str, kind: type = str) -> Callable[[str], Any]:
-    def matching(text: str) -> Any:
-        if not re.fullmatch(pattern, text):
-            raise argparse.ArgumentTypeError(f"must be {allowed}, got {text!r}")
-        return kind(text)
-
-    return matching
+def _count(text: str) -> int:
+    if not re.fullmatch("[1-9][0-9]*", text):
+        raise argparse.ArgumentTypeError(f"must be a whole number of at least 1, got {text!r}")
+    return int(text)
 
 
 def _run(options: argparse.Namespace) -> int:
@@ -106,11 +98,7 @@ def _verify(options: argparse.Namespace) -> int:
         raise ValueError(f"--quick recomputes the first iterations; {only} is recomputed whole")
     experiments = _experiments(name for name in names if name not in checks())
     store.check_readable(root)
-    rng, bad = None, 0
-    if not (options.whole or options.quick):
-        seed = secrets.randbits(32) if options.seed is None else options.seed
-        print(f"one run of each result, drawn with --seed {seed}", flush=True)
-        rng = np.random.default_rng(seed)
+    rng, bad = None if options.whole else np.random.default_rng(), 0
     for owner, label, verdict in verify(*experiments, root=root, rng=rng, quick=options.quick):
         print(f"{owner.name}/{label}: {verdict.said}", flush=True)
         bad += not verdict.same
