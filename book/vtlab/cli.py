@@ -12,11 +12,11 @@ import numpy as np
 import torch
 
 from vtlab import store
-from vtlab.experiment import Experiment
+from vtlab.experiment import Experiment, Pool
 from vtlab.registry import catalogue, checks, installed, named
-from vtlab.reproduce import report, reproduce
+from vtlab.reproduce import reproduce
 from vtlab.schedule import complete
-from vtlab.verify import verify
+from vtlab.verify import Verdict, verify
 from vtlab.workers import processes
 from vtlib.checks import one_line
 from vtlib.files import TornResult
@@ -98,10 +98,8 @@ def _verify(options: argparse.Namespace) -> int:
         raise ValueError(f"--quick recomputes the first iterations; {only} is recomputed whole")
     experiments = _experiments(name for name in names if name not in checks())
     store.check_readable(root)
-    rng, bad = None if options.whole else np.random.default_rng(), 0
-    for owner, label, verdict in verify(*experiments, root=root, rng=rng, quick=options.quick):
-        print(f"{owner.name}/{label}: {verdict.said}", flush=True)
-        bad += not verdict.same
+    rng = None if options.whole else np.random.default_rng()
+    bad = _differing(verify(*experiments, root=root, rng=rng, quick=options.quick))
     bad += sum(checks()[name](root, rng) for name in names if name in checks())
     return 1 if bad else 0
 
@@ -111,6 +109,15 @@ def _reproduce(options: argparse.Namespace) -> int:
     store.check_readable(options.results)
     fresh = Path("_build", f"reproduced-{options.runs}" if options.runs else "reproduced")
     with processes(options.jobs) as executor:
-        comparisons = reproduce(experiments, options.results, fresh, options.runs, executor)
-    print("\n".join(report(comparisons)))
-    return 0 if all(c.verdict.same for c in comparisons) else 1
+        bad = _differing(reproduce(experiments, options.results, fresh, options.runs, executor))
+    print(f"{bad or 'none'} of the results {'differs' if bad == 1 else 'differ'}")
+    return 1 if bad else 0
+
+
+def _differing(verdicts: Iterable[tuple[Pool | Experiment, str, Verdict]]) -> int:
+    """Print each verdict as soon as it is there; how many results are not the same."""
+    bad = 0
+    for owner, label, verdict in verdicts:
+        print(f"{owner.name}/{label}: {verdict.said}", flush=True)
+        bad += not verdict.same
+    return bad

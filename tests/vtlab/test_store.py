@@ -3,7 +3,6 @@
 import hashlib
 import io
 import json
-import math
 import tempfile
 from pathlib import Path
 
@@ -114,12 +113,11 @@ def test_what_the_files_cannot_hold_leaves_no_result(tmp_path):
 
 
 def saved(owner, label, root, arrays):
-    note = {**store.origin(owner, label), "seconds": 1.0}
-    store.save(store.path_of(owner, label, root), arrays, note)
+    store.save(store.path_of(owner, label, root), arrays, store.origin(owner, label))
 
 
 def check(owner, config, /, **changes):
-    note = {**store.origin(owner, "GVT"), "seconds": 1.0, "config": config}
+    note = {**store.origin(owner, "GVT"), "config": config}
     store.check_note(Path("x"), note | changes, owner, "GVT")
 
 
@@ -163,11 +161,10 @@ def test_a_key_that_is_missing_has_its_default_and_is_refused_where_that_is_not_
             check(tiny, without(key))
 
 
-@pytest.mark.parametrize("name", ["owner", "label", "seeds", "seconds"])
-@pytest.mark.parametrize("junk", [None, "1", -1, math.nan])
-def test_a_provenance_that_is_of_another_result_is_refused(tiny, name, junk):
-    with pytest.raises(TornResult, match=f"(differs in|does not tell its) {name}"):
-        check(tiny, store.origin(tiny, "GVT")["config"], **{name: junk})
+@pytest.mark.parametrize("name", ["owner", "label", "seeds"])
+def test_a_provenance_that_is_of_another_result_is_refused(tiny, name):
+    with pytest.raises(TornResult, match=f"differs in {name}"):
+        check(tiny, store.origin(tiny, "GVT")["config"], **{name: None})
 
 
 def test_a_key_that_nobody_knows_is_refused(tiny):

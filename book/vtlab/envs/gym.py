@@ -67,10 +67,7 @@ class RoomsEnv(TasksEnv):
     """
 
     def __init__(self, doors: Sequence[float] = (5.0, 5.0), uniform_start: bool = False) -> None:
-        tasks = Rooms.from_doors(doors, uniform_start)
-        if len(tasks) != 1:
-            raise ValueError(f"doors must have shape (W,), got {tuple(tasks.doors.shape)}")
-        super().__init__(tasks, (0, 0), (SIDE, SIDE))
+        super().__init__(Rooms.from_doors([doors], uniform_start), (0, 0), (SIDE, SIDE))
 
 
 class CartpoleEnv(TasksEnv):

@@ -12,8 +12,8 @@ from vtlab.envs.gym import CartpoleEnv, MazeEnv, RoomsEnv
     ("make", "arguments", "message"),
     [
         (Rooms.from_doors, {"doors": [[5.0, 9.6]]}, r"doors must lie in \[0.5, 9.5\], got 9.6"),
-        (Rooms.from_doors, {"doors": [5.0, np.nan]}, r"doors must lie in \[0.5, 9.5\], got nan"),
-        (Rooms.from_doors, {"doors": 5.0}, r"doors must have shape \(R, W\) or \(W,\), got \(\)"),
+        (Rooms.from_doors, {"doors": [[5.0, np.nan]]}, r"doors must lie in \[0.5, 9.5\], got nan"),
+        (Rooms.from_doors, {"doors": [5.0]}, r"doors must have shape \(R, W\), got \(1,\)"),
         (Rooms.from_doors, {"doors": np.full((2, 0), 5.0)}, "doors must have shape"),
         (RoomsFamily, {"rooms": 4}, "rooms must be a whole number from 2 to 3, got 4"),
         (RoomsFamily, {"fixed_lower": 0.0}, "fixed_lower must lie in"),
