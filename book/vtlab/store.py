@@ -22,9 +22,8 @@ import xarray as xr
 from attrs import NOTHING, Factory
 
 from vtlab.experiment import SOURCES, TASKS, Experiment, Pool
-from vtlab.sources import check_pool_weights
 from vtlib import native
-from vtlib.checks import one_line, shown
+from vtlib.checks import check_weights, one_line, shown
 from vtlib.files import TornResult, write_bytes
 
 Arrays = dict[str, np.ndarray]
@@ -277,6 +276,6 @@ def returns(experiment: Experiment, label: str, root: Path | None = None) -> xr.
 
 def weights(pool: Pool, root: Path | None = None) -> np.ndarray:
     """The stored source weights (count, d) of a pool; ValueError when they are anything else."""
-    arrays, _ = stored(pool, SOURCES, root)
-    check_pool_weights(pool, arrays.get("weights", np.zeros(0)))
-    return arrays["weights"]
+    found = stored(pool, SOURCES, root)[0].get("weights", np.zeros(0))
+    check_weights(f"weights of {pool.name}", found, pool.count, pool.family.q().d)
+    return found
