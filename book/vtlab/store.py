@@ -1,4 +1,4 @@
-"""Stored runs: one .npz of plain arrays and one .json of provenance, written once and verified.
+"""Stored runs: one .npz of plain arrays and one .json of provenance, verified when they are read.
 
 The .json is written last and holds the digest of the .npz: a pair is complete or absent, and a file
 that was cut short or altered is noticed when it is read. The .json of a pool or an experiment also
@@ -58,16 +58,9 @@ def check_readable(root: Path) -> None:
 
 
 def save(path: Path, arrays: Arrays, provenance: Note) -> None:
-    """Write arrays to path.npz and provenance to path.json, atomically and only once.
-
-    Writing equal arrays again does nothing. Raises FileExistsError when another result is there.
-    """
+    """Write arrays to path.npz and provenance to path.json, each whole or not at all."""
     if objects := [name for name, array in arrays.items() if np.asarray(array).dtype.hasobject]:
         raise ValueError(f"{path} cannot hold objects, only plain arrays: {', '.join(objects)}")
-    if exists(path):
-        if same_arrays(read(path)[0], arrays):
-            return
-        raise FileExistsError(f"{path} holds another result: move it away before computing anew")
     buffer = io.BytesIO()
     # NumPy's types know only the options among the names
     np.savez_compressed(buffer, **arrays)  # type: ignore[arg-type]
@@ -116,14 +109,6 @@ def remove(path: Path) -> None:
     """Delete a stored result, provenance first: without it arrays are never taken for a result."""
     for ending in (".json", ".npz"):
         path.with_name(path.name + ending).unlink(missing_ok=True)
-
-
-def same_arrays(a: Arrays, b: Arrays) -> bool:
-    """Whether two results hold the same arrays, bit for bit."""
-    first, second = (
-        {key: (x.dtype.str, x.shape, x.tobytes()) for key, x in arrays.items()} for arrays in (a, b)
-    )
-    return first == second
 
 
 def machine() -> dict[str, str]:

@@ -102,11 +102,3 @@ def test_a_transition_of_a_car_is_gymnasiums(seed):
         assert reward[row] == (last if terminated[row] else -1)
     # Not minus zero: a stored reward would print as such.
     assert torch.equal(reward.signbit(), reward < 0)
-
-
-def test_the_last_reward_is_told_to_the_kernel():
-    family = MountainCarFamily(last_reward=-1.0)
-    tasks = family.draw_tasks("t", [0, 1])
-    expected = [[float(speed), -1.0] for speed in tasks.speed]
-    assert [family.kernel_parameters(tasks, row) for row in (0, 1)] == expected
-    assert torch.equal(tasks.speed, MountainCarFamily().draw_tasks("t", [0, 1]).speed)
