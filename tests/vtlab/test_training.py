@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import torch
 
-from vtlab.training import FINGERPRINTS, fingerprint, train
+from vtlab.training import FINGERPRINTS, train
 from vtlib.replay import Transition
 from vtlib.training import Diverged
 
@@ -70,12 +70,6 @@ def assert_counted(curves, iterations, times):
 def test_returns_and_fingerprints_are_recorded_in_time(iterations, every):
     curves = train(Counting(), Walk(), first, iterations, every, NAMES)
     assert_counted(curves, iterations, np.arange(every, iterations + 1, every))
-
-
-def test_a_fingerprint_is_summed_in_double():
-    agent = Counting()
-    agent.mu = torch.tensor([[[2.0**24, 1.0, 1.0]]]).expand(3, 1, 3)
-    assert (fingerprint(agent, Walk())[:, 0] == 2.0**24 + 2).all()
 
 
 def test_progress_hears_of_every_evaluation_and_stops_the_loop():

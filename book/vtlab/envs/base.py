@@ -157,10 +157,7 @@ class TaskFamily(ABC):
 
 def float_array(name: str, value: ArrayLike) -> np.ndarray:
     """A number, or numbers in nested lists of one shape, as float32; ValueError for others."""
-    try:
-        array = np.asarray(value)
-    except ValueError:  # rows of different lengths
-        array = np.asarray(None)
+    array = np.asarray(value)
     if array.dtype.kind not in "iuf":
         raise ValueError(f"{name} must be a number or an array of numbers, got {shown(value)}")
     with np.errstate(over="ignore"):  # callers refuse infinity
