@@ -9,7 +9,6 @@ from importlib.metadata import entry_points
 from pathlib import Path
 
 import numpy as np
-import torch
 
 from vtlab import store
 from vtlab.experiment import Experiment, Pool
@@ -26,7 +25,6 @@ from vtlib.training import Diverged
 def main(arguments: list[str] | None = None) -> int:
     """Run one command; errors of the user's making are one line and exit code 2."""
     options = _parser().parse_args(arguments)
-    torch.set_num_threads(1)
     try:
         return int(options.command(options))
     except TornResult as error:

@@ -9,12 +9,11 @@ import torch
 from torch import Tensor
 
 from vtlab.episodes import Episodes
-from vtlib.training import Agent, arithmetic, check_finite, iterate
+from vtlib.training import Agent, check_finite, iterate
 
 FINGERPRINTS = (1, 49, 199)  # iterations within an episode: at its end all runs look alike
 
 
-@arithmetic()
 def train(
     agent: Agent,
     episodes: Episodes,
