@@ -108,7 +108,7 @@ def _reproduce(options: argparse.Namespace) -> int:
     fresh = Path("_build", f"reproduced-{options.runs}" if options.runs else "reproduced")
     with processes(options.jobs) as executor:
         bad = _differing(reproduce(experiments, options.results, fresh, options.runs, executor))
-    print(f"{bad or 'none'} of the results {'differs' if bad == 1 else 'differ'}")
+    print(f"{bad} of the results differ")
     return 1 if bad else 0
 
 

@@ -69,14 +69,14 @@ def test_reproduce_computes_anew_and_names_what_differs(
     assert main(*arguments) == 0
     *lines, last = capsys.readouterr().out.splitlines()
     assert lines == [f"{name}: 3 of 3 equal" for name in RESULTS]
-    assert last == "none of the results differ"
+    assert last == "0 of the results differ"
     rewrite("tiny/GVT", greedy=np.full((3, 11), 0.95, np.float32))
     store.remove(stored / "tiny/NT")
     assert main(*arguments, "--runs", 1) == 1
     *lines, last = capsys.readouterr().out.splitlines()
     nothing = "tiny/NT: nothing stored to compare with"
     assert {"tiny/GVT: DIFFERS in greedy of [0]", nothing} <= {*lines}
-    assert last == "1 of the results differs"
+    assert last == "1 of the results differ"
     assert {p.name for p in (tmp_path / "_build").iterdir()} == {"reproduced", "reproduced-1"}
     line = refused(capsys, "reproduce", "--results", tmp_path / "_build" / "reproduced")
     assert "compared with others than themselves" in line
