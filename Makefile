@@ -5,18 +5,16 @@
 #   make lab        open the pages as notebooks in JupyterLab (builds the book where there is none)
 #   make reproduce  compute everything again from nothing, compare, and draw the book from it
 #   make oldest     test the library with the oldest versions allowed (make newest: with the newest)
-#   make sanitize   run the kernels on random settings under the sanitizers (needs g++)
 #   make clean      remove what the above made (make distclean: the environment, too)
 
 PYTHON ?= python3.11
 VENV   ?= .venv
 # For example --no-browser --port=9999.
 LAB_OPTIONS ?=
-# make reproduce ONLY="thesis" or ONLY="cartpole mountain-car" RUNS=2 JOBS=4 DEVICE=cuda
+# make reproduce ONLY="thesis" or ONLY="cartpole mountain-car" RUNS=2 JOBS=4
 ONLY ?=
 RUNS ?=
 JOBS ?=
-DEVICE ?=
 # make book ONLINE=yes: without the browser scripts, which pages then load from public servers.
 ONLINE ?=
 
@@ -43,7 +41,7 @@ export JUPYTER_DATA_DIR := $(CURDIR)/_build/home/jupyter-data
 export JUPYTER_RUNTIME_DIR := $(CURDIR)/_build/home/jupyter-runtime
 
 .DEFAULT_GOAL := help
-.PHONY: help book test check pytest lint format lab reproduce oldest newest sanitize clean distclean
+.PHONY: help book test check pytest lint format lab reproduce oldest newest clean distclean
 .PHONY: set-up set-up-checks
 
 help:
@@ -96,7 +94,7 @@ reproduce: set-up
 	@echo "==> Computing stored runs again from nothing: all of them take hours, see the time left."
 	@echo "    Ctrl-C is safe: the same command goes on where it was stopped."
 	@$(PY) vtlab reproduce $(addprefix --only ,$(ONLY)) $(addprefix --runs ,$(RUNS)) \
-		$(addprefix --jobs ,$(JOBS)) $(addprefix --device ,$(DEVICE)); code=$$?; \
+		$(addprefix --jobs ,$(JOBS)); code=$$?; \
 	if [ $$code -le 1 ] && [ -z "$(ONLY)$(RUNS)" ]; then \
 		$(BIN)/python book/_ext/build.py --results _build/reproduced || exit 1; \
 	fi; exit $$code
@@ -114,12 +112,6 @@ oldest newest:
 	@$(OTHER)/bin/python -m pip install -q --upgrade -r tests/requirements-$@.txt
 	@$(OTHER)/bin/python -m pip install -q --no-deps -e . -e book
 	@$(OTHER)/bin/python -m pytest -W default $(addprefix --ignore=,$(OF_THE_BOOK))
-
-sanitize:
-	@mkdir -p _build
-	@g++ -std=c++17 -O1 -g -march=native -Wno-psabi -fsanitize=address,undefined \
-		-fno-sanitize-recover=all -Ivtlib/native tests/vtlab/native/fuzz.cpp -o _build/fuzz
-	@_build/fuzz 100
 
 clean:
 	rm -rf _build .pytest_cache .ruff_cache .mypy_cache .hypothesis .coverage htmlcov book/_static/vendor

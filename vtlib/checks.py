@@ -63,14 +63,6 @@ def check_kind(name: str, value: object, kind: Any) -> None:
         raise ValueError(f"{name} must be of type {kinds}, got {shown(value)}")
 
 
-def check_name(name: str, value: object) -> None:
-    """Raise ValueError unless value can name something in texts and be the name of a file."""
-    text = value if isinstance(value, str) else ""
-    if not (text.strip(" .") and text.isprintable() and "/" not in text):
-        allowed = "a text on one line, not empty, without '/'"
-        raise ValueError(f"{name} must be {allowed}, got {shown(value)}")
-
-
 def check_weights(name: str, weights: Any, *shape: str | int) -> None:
     """Raise ValueError unless weights are a finite float32 tensor of a shape.
 
@@ -112,7 +104,6 @@ positive = _for_fields(check_positive)
 between = _for_fields(check_between)
 one_of = _for_fields(check_one_of)
 kind = _for_fields(check_kind)
-name = _for_fields(check_name)
 
 
 def _is_number(value: object) -> TypeGuard[int | float]:

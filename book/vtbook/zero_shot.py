@@ -10,7 +10,6 @@ from vtbook.credible_intervals import posterior_samples
 from vtlab.evaluation import Evaluation
 from vtlab.experiment import Experiment
 from vtlab.run import chosen_sources, prepare, targets
-from vtlab.sources import check_pool_weights
 from vtlib.rng import Rng
 from vtlib.transfer import VariationalTransfer
 
@@ -24,7 +23,6 @@ def zero_shot(
     the source of the largest value. That is no generalised policy improvement (Barreto et al.,
     2017), which needs the values of the sources' policies in the target.
     """
-    check_pool_weights(experiment.pool, weights)
     sources = torch.from_numpy(weights[chosen_sources(experiment, range(experiment.runs))])
     if of_mean:
         sources = sources.mean(1, keepdim=True)

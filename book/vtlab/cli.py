@@ -1,25 +1,21 @@
 """Command line: python -m vtlab run | verify | reproduce, and what packages add."""
 
 import argparse
-import contextlib
 import re
-import secrets
 import sys
-from collections.abc import Callable, Iterable
-from concurrent.futures import BrokenExecutor, Executor
+from collections.abc import Iterable
+from concurrent.futures import BrokenExecutor
 from importlib.metadata import entry_points
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-import torch
 
 from vtlab import store
-from vtlab.experiment import Experiment
+from vtlab.experiment import Experiment, Pool
 from vtlab.registry import catalogue, checks, installed, named
-from vtlab.reproduce import report, reproduce
+from vtlab.reproduce import reproduce
 from vtlab.schedule import complete
-from vtlab.verify import verify
+from vtlab.verify import Verdict, verify
 from vtlab.workers import processes
 from vtlib.checks import one_line
 from vtlib.files import TornResult
@@ -29,7 +25,6 @@ from vtlib.training import Diverged
 def main(arguments: list[str] | None = None) -> int:
     """Run one command; errors of the user's making are one line and exit code 2."""
     options = _parser().parse_args(arguments)
-    torch.set_num_threads(1)
     try:
         return int(options.command(options))
     except TornResult as error:
@@ -50,7 +45,6 @@ def main(arguments: list[str] | None = None) -> int:
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="python -m vtlab", description=__doc__)
     commands = parser.add_subparsers(required=True, metavar="command")
-    count = _like("[1-9][0-9]*", "a whole number of at least 1", int)
     names = ", ".join([*installed(), *catalogue()])
     run = commands.add_parser("run", help="compute what an experiment still lacks, and store it")
     run.add_argument("experiment", help=f"one of {names}")
@@ -61,45 +55,30 @@ def _parser() -> argparse.ArgumentParser:
     extent = verify.add_mutually_exclusive_group()
     extent.add_argument("--whole", action="store_true", help="all runs, whole")
     extent.add_argument("--quick", action="store_true", help="the first iterations alone")
-    seed = _like("[0-9]+", "a whole number of at least 0", int)
-    extent.add_argument("--seed", type=seed, help="draw the runs that this number drew before")
     reproduce = commands.add_parser("reproduce", help="compute everything anew and compare")
     reproduce.add_argument("--only", action="append", metavar="EXPERIMENT", help="may be repeated")
-    reproduce.add_argument("--runs", type=count, help="only the first so many of each experiment")
+    reproduce.add_argument("--runs", type=_count, help="only the first so many of each experiment")
     for command, work in ((run, _run), (verify, _verify), (reproduce, _reproduce)):
         command.set_defaults(command=work)
         command.add_argument("--results", type=Path, default=store.results_folder())
     for entry in entry_points(group="vtlab.commands"):
         command = commands.add_parser(entry.name, help=f"from {entry.module}")
         command.set_defaults(command=lambda _, entry=entry: entry.load()())
-    device = _like("cpu|cuda(:[0-9]{1,3})?", "cpu, cuda or cuda:N")
     for command in (run, reproduce):
-        command.add_argument("--jobs", type=count, help="processes, by default one per core")
-        help = "where posteriors and their networks are kept: cpu, or cuda"
-        command.add_argument("--device", type=device, default="cpu", help=help)
+        command.add_argument("--jobs", type=_count, help="processes, by default one per core")
     return parser
 
 
-def _like(pattern: str, allowed: str, kind: type = str) -> Callable[[str], Any]:
-    def matching(text: str) -> Any:
-        if not re.fullmatch(pattern, text):
-            raise argparse.ArgumentTypeError(f"must be {allowed}, got {text!r}")
-        return kind(text)
-
-    return matching
-
-
-def _workers(options: argparse.Namespace) -> contextlib.AbstractContextManager[Executor]:
-    count, device = torch.cuda.device_count(), torch.device(options.device)
-    if device.type == "cuda" and (device.index or 0) >= count:
-        raise ValueError(f"--device: torch finds {count} CUDA cards here, got {options.device}")
-    return processes(options.jobs)
+def _count(text: str) -> int:
+    if not re.fullmatch("[1-9][0-9]*", text):
+        raise argparse.ArgumentTypeError(f"must be a whole number of at least 1, got {text!r}")
+    return int(text)
 
 
 def _run(options: argparse.Namespace) -> int:
     experiments = named(options.experiment)
-    with _workers(options) as executor:
-        complete(experiments, options.results, executor, options.device)
+    with processes(options.jobs) as executor:
+        complete(experiments, options.results, executor)
     print(f"{options.experiment} is complete under {options.results}")
     return 0
 
@@ -117,14 +96,8 @@ def _verify(options: argparse.Namespace) -> int:
         raise ValueError(f"--quick recomputes the first iterations; {only} is recomputed whole")
     experiments = _experiments(name for name in names if name not in checks())
     store.check_readable(root)
-    rng, bad = None, 0
-    if not (options.whole or options.quick):
-        seed = secrets.randbits(32) if options.seed is None else options.seed
-        print(f"one run of each result, drawn with --seed {seed}", flush=True)
-        rng = np.random.default_rng(seed)
-    for owner, label, verdict in verify(*experiments, root=root, rng=rng, quick=options.quick):
-        print(f"{owner.name}/{label}: {verdict.said}", flush=True)
-        bad += not verdict.same
+    rng = None if options.whole else np.random.default_rng()
+    bad = _differing(verify(*experiments, root=root, rng=rng, quick=options.quick))
     bad += sum(checks()[name](root, rng) for name in names if name in checks())
     return 1 if bad else 0
 
@@ -133,8 +106,16 @@ def _reproduce(options: argparse.Namespace) -> int:
     experiments = _experiments(options.only or catalogue())
     store.check_readable(options.results)
     fresh = Path("_build", f"reproduced-{options.runs}" if options.runs else "reproduced")
-    with _workers(options) as executor:
-        folders = options.results, fresh
-        comparisons = reproduce(experiments, *folders, options.runs, executor, options.device)
-    print("\n".join(report(comparisons)))
-    return 0 if all(c.verdict.same for c in comparisons) else 1
+    with processes(options.jobs) as executor:
+        bad = _differing(reproduce(experiments, options.results, fresh, options.runs, executor))
+    print(f"{bad} of the results differ")
+    return 1 if bad else 0
+
+
+def _differing(verdicts: Iterable[tuple[Pool | Experiment, str, Verdict]]) -> int:
+    """Print each verdict as soon as it is there; how many results are not the same."""
+    bad = 0
+    for owner, label, verdict in verdicts:
+        print(f"{owner.name}/{label}: {verdict.said}", flush=True)
+        bad += not verdict.same
+    return bad

@@ -6,7 +6,6 @@ import torch
 from torch import Tensor
 
 from vtlab.envs.base import TaskBatch
-from vtlib.checks import check_one_of
 from vtlib.qfunctions import QFunction
 from vtlib.rng import Rng
 
@@ -22,7 +21,6 @@ class Evaluation:
     def __init__(
         self, q: QFunction, tasks: TaskBatch, rng: Rng, episodes: int = 10, over: str = "mean"
     ) -> None:
-        check_one_of("over", over, ("mean", "max", "each"))
         self._q, self._episodes, self._over = q, episodes, over
         self._noise, self._starts = rng.stream("test noise"), rng.stream("test start")
         self._runs = len(tasks)

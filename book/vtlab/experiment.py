@@ -11,7 +11,7 @@ from vtlab.envs.base import TaskFamily
 from vtlab.training import FINGERPRINTS
 from vtlib import checks
 from vtlib.baselines import MellowTDSettings
-from vtlib.checks import check_kind, check_name, check_one_of, check_whole, shown
+from vtlib.checks import check_kind, check_one_of, check_whole, shown
 from vtlib.qfunctions import QFunction
 from vtlib.rng import Rng
 from vtlib.training import Agent
@@ -19,6 +19,18 @@ from vtlib.training import Agent
 ITERATIONS = 10_000
 # The labels under which a pool's solved sources and an experiment's targets are stored.
 SOURCES, TASKS = "sources", "tasks"
+
+
+def check_name(name: str, value: object) -> None:
+    """Raise ValueError unless value can name something in texts and be the name of a file."""
+    text = value if isinstance(value, str) else ""
+    if not (text.strip(" .") and text.isprintable() and "/" not in text):
+        allowed = "a text on one line, not empty, without '/'"
+        raise ValueError(f"{name} must be {allowed}, got {shown(value)}")
+
+
+def _named(_: Any, field: Any, value: Any) -> None:
+    check_name(field.name, value)
 
 
 @runtime_checkable
@@ -50,7 +62,7 @@ class Pool:
     ``stream`` share tasks and random numbers. Raises ValueError for a value outside its range.
     """
 
-    name: str = field(validator=checks.name())
+    name: str = field(validator=_named)
     family: TaskFamily = field(validator=checks.kind(TaskFamily))
     count: int = field(default=50, validator=checks.whole())
     iterations: int = field(default=20_000, validator=checks.whole(FINGERPRINTS[-1]))
@@ -62,9 +74,7 @@ class Pool:
     settings: Algorithm = field(default=MellowTDSettings(epsilon_steps=14_000))
     common: bool = field(default=True, validator=checks.kind(bool))
     as_targets: bool = field(default=False, validator=checks.kind(bool))
-    stream: str = field(
-        default=Factory(lambda self: self.name, takes_self=True), validator=checks.name()
-    )
+    stream: str = field(default=Factory(lambda self: self.name, takes_self=True), validator=_named)
 
     def __attrs_post_init__(self) -> None:
         try:
@@ -91,7 +101,7 @@ class Experiment:
     outside its range.
     """
 
-    name: str = field(validator=checks.name())
+    name: str = field(validator=_named)
     pool: Pool = field(validator=checks.kind(Pool))
     family: TaskFamily = field(validator=checks.kind(TaskFamily))
     algorithms: Mapping[str, Algorithm] = field(validator=checks.kind(Mapping))
@@ -99,9 +109,7 @@ class Experiment:
     sources: int = field(default=10, validator=checks.whole())
     iterations: int = field(default=ITERATIONS, validator=checks.whole())
     every: int = field(default=100, validator=checks.whole())
-    stream: str = field(
-        default=Factory(lambda self: self.name, takes_self=True), validator=checks.name()
-    )
+    stream: str = field(default=Factory(lambda self: self.name, takes_self=True), validator=_named)
     runs_per_task: int = field(default=1, validator=checks.whole())
     counts: Mapping[str, int] = field(factory=dict, validator=checks.kind(Mapping))
     visits: bool = field(default=False, validator=checks.kind(bool))

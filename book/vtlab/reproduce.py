@@ -1,26 +1,16 @@
 """Experiments computed again from nothing, in a folder of its own, beside what is stored."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor
 from math import ceil
 from pathlib import Path
 
-from attrs import evolve, frozen
+from attrs import evolve
 
 from vtlab import store
-from vtlab.experiment import Experiment
+from vtlab.experiment import Experiment, Pool
 from vtlab.schedule import complete
 from vtlab.verify import Verdict, compare, count_of
-
-
-@frozen
-class Comparison:
-    """The verdict on a result computed anew, and what that took of a processor."""
-
-    owner: str
-    label: str
-    seconds: float
-    verdict: Verdict
 
 
 def reproduce(
@@ -29,8 +19,7 @@ def reproduce(
     fresh: Path,
     runs: int | None = None,
     executor: Executor | None = None,
-    device: str = "cpu",
-) -> list[Comparison]:
+) -> Iterator[tuple[Pool | Experiment, str, Verdict]]:
     """Compute experiments under ``fresh``, resuming there, and compare with those under root.
 
     Only the first ``runs`` of each are computed, unless that is None; the rest is as for
@@ -43,8 +32,7 @@ def reproduce(
         if store.exists(path := store.path_of(owner, label, root)):
             store.check_note(path, store.read(path)[1], owner, label)
     first = {e.name: e if runs is None else first_runs(e, runs) for e in experiments}
-    complete(list(first.values()), fresh, executor, device)
-    comparisons = []
+    complete(list(first.values()), fresh, executor)
     for owner, label in results:
         new = first.get(owner.name, owner)
         arrays, note = store.stored(new, label, fresh)
@@ -52,25 +40,10 @@ def reproduce(
         if store.exists(store.path_of(owner, label, root)):
             old = store.stored(owner, label, root)
             verdict = compare(owner, *old, arrays, range(count_of(new)), note["machine"])
-        comparisons.append(Comparison(owner.name, label, note["seconds"], verdict))
-    return comparisons
+        yield owner, label, verdict
 
 
 def first_runs(experiment: Experiment, runs: int) -> Experiment:
     """The experiment with its first runs alone, and with all runs of the tasks that these have."""
     whole = ceil(runs / experiment.runs_per_task) * experiment.runs_per_task
     return evolve(experiment, runs=min(whole, experiment.runs))
-
-
-def report(comparisons: Sequence[Comparison]) -> list[str]:
-    """Lines to print: each pool and experiment with what it took, then its results."""
-    lines = []
-    for owner in dict.fromkeys(c.owner for c in comparisons):
-        group = [c for c in comparisons if c.owner == owner]
-        lines.append(f"{owner}: {sum(c.seconds for c in group):.0f} s of one core")
-        lines += [f"  {c.label}: {c.verdict.said}" for c in group]
-    bad = sum(not c.verdict.same for c in comparisons)
-    return [
-        *lines,
-        f"{len(comparisons)} results compared, {f'{bad} not' if bad else 'all'} the same",
-    ]

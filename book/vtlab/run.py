@@ -42,22 +42,13 @@ def chosen_sources(experiment: Experiment, runs: Sequence[int]) -> np.ndarray:
     return np.stack([rng.choice(eligible, count, replace=False) for rng in rngs])
 
 
-def prepare(
-    experiment: Experiment,
-    label: str,
-    runs: Sequence[int],
-    weights: np.ndarray,
-    device: str = "cpu",
-) -> Batch:
-    """Agents, episodes and evaluation of some runs of an algorithm, from weights (count, d).
-
-    Posteriors live on the device.
-    """
+def prepare(experiment: Experiment, label: str, runs: Sequence[int], weights: np.ndarray) -> Batch:
+    """Agents, episodes and evaluation of some runs of an algorithm, from weights (count, d)."""
     family, rng = experiment.family, Rng(experiment.stream, runs)
     tasks, start = targets(experiment, runs), _start(experiment, label, runs, weights)
     noise, starts = rng.stream("noise"), rng.stream("start")
     return Batch(
-        experiment.algorithms[label].agent(family.q(), start.to(device), tasks.obs_dim, rng),
+        experiment.algorithms[label].agent(family.q(), start, tasks.obs_dim, rng),
         Episodes(tasks, noise, starts, family.window, experiment.visits),
         _evaluation(experiment, runs),
     )
@@ -84,23 +75,22 @@ def run_batch(
     runs: Sequence[int],
     weights: np.ndarray,
     progress: Callable[[int], bool] | None = None,
-    device: str = "cpu",
     threads: int = 1,
 ) -> dict[str, np.ndarray]:
     """Train some runs of an algorithm: arrays to store.
 
     They are run (R,), iterations (T,) of the records, learning and greedy returns (R, T),
     fingerprints (R, 3, 4), and whatever the experiment's visits and probes add, over the runs.
-    weights and device are as for ``prepare``; progress gets the iteration at each record, and stops
-    the training by returning False. The kernels advance as many runs at once as there are threads.
+    weights are as for ``prepare``; progress gets the iteration at each record, and stops the
+    training by returning False. The kernels advance as many runs at once as there are threads.
     """
     names = [f"run {run} of {experiment.name}, {label}" for run in runs]
     arguments = experiment.iterations, experiment.every, names, progress
-    native = prepare_natively(experiment, label, runs, weights) if device == "cpu" else None
+    native = prepare_natively(experiment, label, runs, weights)
     if native is not None:
         records = train_natively(native, _evaluation(experiment, runs), *arguments, threads)
     else:
-        batch, probe = prepare(experiment, label, runs, weights, device), None
+        batch, probe = prepare(experiment, label, runs, weights), None
         if experiment.probe is not None:
             probe = experiment.probe(experiment, label, runs, targets(experiment, runs))
 

@@ -40,17 +40,14 @@ def join_finished(units: Iterable[Unit], root: Path) -> None:
 
 
 def complete(
-    experiments: Sequence[Experiment],
-    root: Path,
-    executor: Executor | None = None,
-    device: str = "cpu",
+    experiments: Sequence[Experiment], root: Path, executor: Executor | None = None
 ) -> None:
     """Compute whatever the experiments, and the pools that they need, still lack under root.
 
     Without an executor a process for each core computes: then a script needs the guard
-    ``if __name__ == "__main__"``, because each process begins by importing it. Posteriors live on
-    the device. Raises, before any work, OSError where root cannot be written to, TornResult where
-    something stored there is not theirs.
+    ``if __name__ == "__main__"``, because each process begins by importing it. Raises, before any
+    work, OSError where root cannot be written to, TornResult where something stored there is not
+    theirs.
     """
     store.check_writable(root)
     pools = {e.pool.name: e.pool for e in experiments}.values()
@@ -66,13 +63,13 @@ def complete(
     missing = [u for u in units if not any(store.exists(root / x) for x in (u.result, u.part))]
     if missing:
         with contextlib.nullcontext(executor) if executor else processes() as workers:
-            _compute_all(missing, root, workers, device)
+            _compute_all(missing, root, workers)
     # a file whose name begins with a dot was left half written by a kill
     if not any(p.is_file() and not p.name.startswith(".") for p in (root / "parts").rglob("*")):
         shutil.rmtree(root / "parts", ignore_errors=True)
 
 
-def _compute_all(missing: Sequence[Unit], root: Path, executor: Executor, device: str) -> None:
+def _compute_all(missing: Sequence[Unit], root: Path, executor: Executor) -> None:
     """Hand out units as soon as their pools are solved, and keep what comes back."""
     seconds = {unit.part: unit.expected_seconds for unit in missing}
     form = "{percentage:3.0f}%|{bar}| {elapsed} gone, {remaining} left"
@@ -87,7 +84,7 @@ def _compute_all(missing: Sequence[Unit], root: Path, executor: Executor, device
                     blocked.append(unit)
                     continue
                 weights = store.weights(unit.pool, root) if unit.pool else None
-                running[executor.submit(compute, unit, weights, device)] = unit
+                running[executor.submit(compute, unit, weights)] = unit
             waiting = blocked
             ended = wait(running, return_when=FIRST_COMPLETED).done
             # finished units are kept before an error of another one ends the work

@@ -11,7 +11,6 @@ from vtlab.episodes import Episodes
 from vtlab.evaluation import Evaluation
 from vtlab.experiment import Pool
 from vtlab.training import FINGERPRINTS, fingerprint
-from vtlib.checks import check_kind, check_weights
 from vtlib.rng import Rng, Stream
 from vtlib.training import arithmetic, check_finite, iterate
 
@@ -28,13 +27,6 @@ class AttemptRng(Rng):
     def stream(self, role: str) -> Stream:
         """The stream of a role in this attempt, from its beginning."""
         return super().stream(f"{role} {self._attempt}" if self._attempt else role)
-
-
-def check_pool_weights(pool: Pool, weights: object) -> None:
-    """Raise ValueError unless weights are an array (count, d) of one finite vector per source."""
-    name = f"weights of {pool.name}"
-    check_kind(name, weights, np.ndarray)
-    check_weights(name, torch.as_tensor(weights), pool.count, pool.family.q().d)
 
 
 class SourceTraining:

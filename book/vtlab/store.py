@@ -1,4 +1,4 @@
-"""Stored runs: one .npz of plain arrays and one .json of provenance, written once and verified.
+"""Stored runs: one .npz of plain arrays and one .json of provenance, verified when they are read.
 
 The .json is written last and holds the digest of the .npz: a pair is complete or absent, and a file
 that was cut short or altered is noticed when it is read. The .json of a pool or an experiment also
@@ -8,7 +8,6 @@ holds its configuration, and the result is refused under another one.
 import hashlib
 import io
 import json
-import math
 import os
 import platform
 import tempfile
@@ -23,9 +22,8 @@ import xarray as xr
 from attrs import NOTHING, Factory
 
 from vtlab.experiment import SOURCES, TASKS, Experiment, Pool
-from vtlab.sources import check_pool_weights
 from vtlib import native
-from vtlib.checks import one_line, shown
+from vtlib.checks import check_weights, one_line, shown
 from vtlib.files import TornResult, write_bytes
 
 Arrays = dict[str, np.ndarray]
@@ -60,16 +58,9 @@ def check_readable(root: Path) -> None:
 
 
 def save(path: Path, arrays: Arrays, provenance: Note) -> None:
-    """Write arrays to path.npz and provenance to path.json, atomically and only once.
-
-    Writing equal arrays again does nothing. Raises FileExistsError when another result is there.
-    """
+    """Write arrays to path.npz and provenance to path.json, each whole or not at all."""
     if objects := [name for name, array in arrays.items() if np.asarray(array).dtype.hasobject]:
         raise ValueError(f"{path} cannot hold objects, only plain arrays: {', '.join(objects)}")
-    if exists(path):
-        if same_arrays(read(path)[0], arrays):
-            return
-        raise FileExistsError(f"{path} holds another result: move it away before computing anew")
     buffer = io.BytesIO()
     # NumPy's types know only the options among the names
     np.savez_compressed(buffer, **arrays)  # type: ignore[arg-type]
@@ -120,21 +111,11 @@ def remove(path: Path) -> None:
         path.with_name(path.name + ending).unlink(missing_ok=True)
 
 
-def same_arrays(a: Arrays, b: Arrays) -> bool:
-    """Whether two results hold the same arrays, bit for bit."""
-    first, second = (
-        {key: (x.dtype.str, x.shape, x.tobytes()) for key, x in arrays.items()} for arrays in (a, b)
-    )
-    return first == second
-
-
-def machine(device: str = "cpu") -> dict[str, str]:
-    """Versions and processor, the graphics card if one is used, and kernels: "none" without."""
-    parts = {} if device == "cpu" else {"device": torch.cuda.get_device_name(device)}
-    if native.level() is None:
-        parts["kernels"] = "none"
+def machine() -> dict[str, str]:
+    """Versions and processor, and kernels: "none" without them."""
+    without = {"kernels": "none"} if native.level() is None else {}
     return {
-        **parts,
+        **without,
         "python": platform.python_version(),
         "torch": torch.__version__,
         "numpy": np.__version__,
@@ -230,8 +211,6 @@ def check_note(path: Path, note: Note, owner: Pool | Experiment, label: str) -> 
             f"{path} was computed under another configuration, which differs in "
             f"{', '.join(wrong)}: move it away and run `python -m vtlab run` again"
         )
-    if not (isinstance(cost := note.get("seconds"), int | float) and 0 <= cost < math.inf):
-        raise TornResult(f"{path} has a provenance that does not tell its seconds")
 
 
 def stored(owner: Pool | Experiment, label: str, root: Path | None = None) -> tuple[Arrays, Note]:
@@ -282,6 +261,7 @@ def returns(experiment: Experiment, label: str, root: Path | None = None) -> xr.
 
 def weights(pool: Pool, root: Path | None = None) -> np.ndarray:
     """The stored source weights (count, d) of a pool; ValueError when they are anything else."""
-    arrays, _ = stored(pool, SOURCES, root)
-    check_pool_weights(pool, arrays.get("weights", np.zeros(0)))
-    return arrays["weights"]
+    found = stored(pool, SOURCES, root)[0].get("weights", np.zeros(0))
+    name = f"weights of {pool.name}"
+    check_weights(name, torch.from_numpy(found), pool.count, pool.family.q().d)
+    return found

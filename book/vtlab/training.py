@@ -9,12 +9,11 @@ import torch
 from torch import Tensor
 
 from vtlab.episodes import Episodes
-from vtlib.training import Agent, arithmetic, check_finite, iterate
+from vtlib.training import Agent, check_finite, iterate
 
 FINGERPRINTS = (1, 49, 199)  # iterations within an episode: at its end all runs look alike
 
 
-@arithmetic()
 def train(
     agent: Agent,
     episodes: Episodes,
@@ -38,7 +37,7 @@ def train(
             check_finite(agent.mu, names, t)
             times.append(t)
             learning.append(episodes.returns.mean().numpy())
-            greedy.append(evaluate(agent.mu.cpu()).numpy())
+            greedy.append(evaluate(agent.mu).numpy())
             if progress is not None and not progress(t):
                 break
     return recorded(len(names), times, learning, greedy, prints)
@@ -58,6 +57,6 @@ def recorded(
 
 def fingerprint(agent: Agent, episodes: Episodes) -> np.ndarray:
     """Four numbers (R, 4) that any change of a run's course would change."""
-    mu = agent.mu.detach().cpu().double().flatten(1)
+    mu = agent.mu.detach().double().flatten(1)
     parts = [mu.sum(1), mu.square().sum(1), episodes.obs.double().sum(1)]
     return torch.stack([*parts, episodes.returns.mean().double()], 1).numpy()

@@ -77,26 +77,23 @@ def expected_seconds(owner: Pool | Experiment, label: str, member: int) -> float
 
 
 @arithmetic()
-def compute(
-    unit: Unit, weights: np.ndarray | None = None, device: str = "cpu"
-) -> tuple[store.Arrays, store.Note]:
+def compute(unit: Unit, weights: np.ndarray | None = None) -> tuple[store.Arrays, store.Note]:
     """The arrays of one unit, and what it took: seconds of processor, and on which machine.
 
-    Runs transfer from weights (count, d) of their pool; their posteriors live on the device.
+    Runs transfer from weights (count, d) of their pool.
     """
-    began, owner, place = time.process_time(), unit.owner, "cpu"
+    began, owner = time.process_time(), unit.owner
     if isinstance(owner, Pool):
         arrays = sources.solve(owner, unit.members)
     elif unit.label == TASKS:
         arrays = run.task_table(owner)
     else:
         assert weights is not None
-        place = device if owner.algorithms[unit.label].transfers else place
-        arrays = run.run_batch(owner, unit.label, unit.members, weights, device=place)
+        arrays = run.run_batch(owner, unit.label, unit.members, weights)
     return arrays, {
         "seconds": round(time.process_time() - began, 2),
         "vtlib": __version__,
-        "machine": store.machine(place),
+        "machine": store.machine(),
     }
 
 

@@ -22,7 +22,7 @@ from vtlib.rng import generator
 # alters numbers by orders of magnitude more.
 RELATIVE = ABSOLUTE = 1e-3
 BEGINNING = 2  # fingerprints, of iterations 1 and 49; at the third, rounding has moved many runs
-ARITHMETIC = "processor", "device", "kernels", "torch", "numpy"  # what rounding depends on
+ARITHMETIC = "processor", "kernels", "torch", "numpy"  # what rounding depends on
 EARNED = "learning", "greedy", "fresh"  # arrays of returns, of runs and of sources
 # How often equal results are called different: hardly once among some 1,500.
 LEVEL = 1e-4

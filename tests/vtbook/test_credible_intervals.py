@@ -56,7 +56,7 @@ def test_what_no_weights_represent_is_orthogonal_to_the_bases():
 
 
 def test_a_projected_backup_leaves_the_projected_weights_alone():
-    task, noise, kappa = Rooms.from_doors([3.2, 6.7]), gaussian_quadrature(3), 100.0
+    task, noise, kappa = Rooms.from_doors([[3.2, 6.7]]), gaussian_quadrature(3), 100.0
     plan = GridPlan(task.select([0] * 1024), None, noise, None)  # of which no values are asked
     w = projected_weights(BASES, plan, STATES, kappa, torch.zeros(BASES.d).double())
     copies, z = task.select([0] * len(STATES)), noise.repeat_interleave(len(STATES), 0)
@@ -74,6 +74,6 @@ def test_a_projected_backup_leaves_the_projected_weights_alone():
 
 
 def test_a_search_without_a_fixed_point_says_so():
-    plan = GridPlan(Rooms.from_doors([5.0]).select([0] * 1024), None, torch.zeros(1, 2), None)
+    plan = GridPlan(Rooms.from_doors([[5.0]]).select([0] * 1024), None, torch.zeros(1, 2), None)
     with pytest.raises(ArithmeticError, match="no fixed point"):
         projected_weights(BASES, plan, STATES, 100.0, torch.full((BASES.d,), torch.nan).double())

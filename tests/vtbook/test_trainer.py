@@ -48,10 +48,6 @@ def test_the_kernel_in_the_repository_is_what_its_source_compiles_to(kernel, tmp
     )
 
 
-def test_all_kernels_of_the_pages_are_small():
-    assert sum(page_module(kernel).stat().st_size for kernel in PAGES) < 60_000
-
-
 def test_a_linter_finds_nothing_in_the_scripts(call):
     call("oxlint", "oxlint", "--deny-warnings", *STATIC.glob("*.js"), *HERE.glob("*.js"))
 

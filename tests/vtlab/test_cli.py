@@ -7,11 +7,10 @@ from unittest.mock import Mock
 
 import numpy as np
 import pytest
-import torch
 from attrs import evolve
 
 from vtbook.experiments import EXPERIMENTS, THESIS
-from vtlab import cli, registry, run, schedule, store
+from vtlab import cli, registry, schedule, store
 from vtlab.registry import installed
 
 RESULTS = ("tiny-pool/sources", "tiny/tasks", "tiny/NT", "tiny/GVT")
@@ -55,14 +54,11 @@ def test_verify_names_what_differs(stored, rewrite, capsys):
     assert capsys.readouterr().out.endswith("tiny/GVT: DIFFERS in greedy of [1]\n")
 
 
-def test_verify_draws_a_run_of_each_result_and_can_draw_it_again(stored, capsys):
+def test_verify_draws_a_run_of_each_result(stored, capsys):
     assert main("verify", "tiny", "--results", stored) == 0
-    first, *lines = capsys.readouterr().out.splitlines()
-    seed = re.fullmatch(r"one run of each result, drawn with --seed (\d+)", first)[1]
-    assert main("verify", "tiny", "--results", stored, "--seed", seed) == 0
-    assert capsys.readouterr().out.splitlines() == [first, *lines]
     counts = {name: 3 if name == "tiny/tasks" else 1 for name in RESULTS}
-    assert lines == [f"{name}: {n} of {n} equal" for name, n in counts.items()]
+    lines = [f"{name}: {n} of {n} equal" for name, n in counts.items()]
+    assert capsys.readouterr().out.splitlines() == lines
 
 
 def test_reproduce_computes_anew_and_names_what_differs(
@@ -71,15 +67,16 @@ def test_reproduce_computes_anew_and_names_what_differs(
     monkeypatch.chdir(tmp_path)
     arguments = ["reproduce", "--only", "mine", "--only", "tiny", "--results", stored]
     assert main(*arguments) == 0
-    lines = capsys.readouterr().out.splitlines()
-    assert re.fullmatch(r"tiny: \d+ s of one core", lines[2])
-    assert lines[-1] == "4 results compared, all the same"
+    *lines, last = capsys.readouterr().out.splitlines()
+    assert lines == [f"{name}: 3 of 3 equal" for name in RESULTS]
+    assert last == "0 of the results differ"
     rewrite("tiny/GVT", greedy=np.full((3, 11), 0.95, np.float32))
     store.remove(stored / "tiny/NT")
     assert main(*arguments, "--runs", 1) == 1
     *lines, last = capsys.readouterr().out.splitlines()
-    assert {"  GVT: DIFFERS in greedy of [0]", "  NT: nothing stored to compare with"} <= {*lines}
-    assert last == "4 results compared, 1 not the same"
+    nothing = "tiny/NT: nothing stored to compare with"
+    assert {"tiny/GVT: DIFFERS in greedy of [0]", nothing} <= {*lines}
+    assert last == "1 of the results differ"
     assert {p.name for p in (tmp_path / "_build").iterdir()} == {"reproduced", "reproduced-1"}
     line = refused(capsys, "reproduce", "--results", tmp_path / "_build" / "reproduced")
     assert "compared with others than themselves" in line
@@ -100,14 +97,12 @@ def test_an_unknown_experiment_is_refused_before_any_work(capsys, name):
         assert line == f"vtlab: unknown experiment {name!r}, {near} perhaps; run --help lists all"
 
 
-COUNT, DEVICE = "must be a whole number of at least", "must be cpu, cuda or cuda:N"
+COUNT = "must be a whole number of at least 1, got"
 BAD = {
     "": "required",
     "run": "required",
-    "reproduce --runs 0": f"{COUNT} 1, got '0'",
-    "verify --seed=-1": f"{COUNT} 0, got '-1'",
-    **{f"run tiny --jobs={x}": f"{COUNT} 1, got {x!r}" for x in ("-3", "0", "2.5", "", "²")},
-    **{f"run tiny --device={x}": f"{DEVICE}, got {x!r}" for x in ("gpu", "cuda:", "cuda:²", "")},
+    "reproduce --runs 0": f"{COUNT} '0'",
+    **{f"run tiny --jobs={x}": f"{COUNT} {x!r}" for x in ("-3", "0", "2.5", "", "²")},
 }
 
 
@@ -180,22 +175,3 @@ FULL = "[Errno 28] No space left on device"
 def test_killed_workers_and_a_full_disk_end_a_command(capsys, monkeypatch, error, line):
     monkeypatch.setattr(cli, "complete", Mock(side_effect=error))
     assert refused(capsys, "run", "tiny") == f"vtlab: {line}"
-
-
-def test_a_device_that_is_not_there_ends_a_command(capsys, monkeypatch):
-    monkeypatch.setattr(torch.cuda, "device_count", lambda: 2)
-    for command in (["run", "tiny"], ["reproduce"]):
-        line = refused(capsys, *command, "--device", "cuda:2")
-        assert line == "vtlab: --device: torch finds 2 CUDA cards here, got cuda:2"
-
-
-def test_only_runs_that_transfer_are_computed_on_the_device(stored, monkeypatch):
-    monkeypatch.setattr(torch.cuda, "device_count", lambda: 2)
-    monkeypatch.setattr(torch.cuda, "get_device_name", lambda device: f"a card called {device}")
-    real = run.run_batch
-    monkeypatch.setattr(run, "run_batch", lambda *unit, device: real(*unit))
-    for name in RESULTS[1:]:
-        store.remove(stored / name)
-    assert main("run", "tiny", "--results", stored, "--device", "cuda:1") == 0
-    machines = [store.provenance(stored / name)["machine"] for name in RESULTS]
-    assert [x.get("device") for x in machines] == [None, None, None, "a card called cuda:1"]

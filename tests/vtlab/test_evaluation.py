@@ -56,9 +56,3 @@ def test_runs_earn_what_single_episodes_do_and_may_be_left_behind(case, over, co
         evaluate.keep(kept)
         torch.testing.assert_close(evaluate.episodes(mu[kept]), expected[kept], rtol=0, atol=1e-4)
     assert torch.equal(mu, weights(q, components))
-
-
-def test_another_way_with_several_weights_is_refused():
-    tasks, q = ROOMS
-    with pytest.raises(ValueError, match=r"^over must be one of mean, max, each, got 'best'$"):
-        Evaluation(q, tasks, Rng("e", RUNS), EPISODES, "best")

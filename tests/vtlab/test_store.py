@@ -1,9 +1,8 @@
-"""Stored results: written once and whole; read as what they were written as, or not at all."""
+"""Stored results: written whole; read as what they were written as, or not at all."""
 
 import hashlib
 import io
 import json
-import math
 import tempfile
 from pathlib import Path
 
@@ -17,14 +16,13 @@ from vtlab import store
 from vtlib.files import TornResult
 from vtlib.transfer import Settings
 
-NONE = np.zeros((3, 0, 4))
 PROPERTY = settings(deadline=None, derandomize=True, max_examples=60)
 ARRAYS = {
     "run": np.arange(3),
     "learning": np.linspace(0, 1, 12, dtype=np.float32).reshape(3, 4),
     "solved": np.array([True, False, True]),
     "gaps": np.array([np.nan, np.inf, -0.0]),
-    "none": NONE,
+    "none": np.zeros((3, 0, 4)),
     "names": np.array(["GVT", "NT", "λ"]),
 }
 NOTE = {"seconds": 1.5, "config": {"algorithm": {"lambda_": 1e-6}}, "label": "λ"}
@@ -44,6 +42,12 @@ def read_pair(npz, note):
         return store.read(Path(folder, "x"))[0]
 
 
+def assert_same(arrays):
+    assert arrays.keys() == ARRAYS.keys()
+    for key, array in arrays.items():
+        np.testing.assert_array_equal(array, ARRAYS[key], strict=True)
+
+
 def assert_torn(npz, note):
     with pytest.raises(TornResult) as caught:
         read_pair(npz, note)
@@ -56,22 +60,11 @@ def test_what_is_saved_is_read(tmp_path):
     store.save(path, ARRAYS, NOTE)
     assert store.exists(path)
     arrays, note = store.read(path)
-    assert store.same_arrays(arrays, ARRAYS)
+    assert_same(arrays)
     assert note == store.provenance(path) == NOTE | {"sha256": note["sha256"]}
     assert {p.name for p in path.parent.iterdir()} == {f"{path.name}.npz", f"{path.name}.json"}
     with np.load(f"{path}.npz", allow_pickle=False) as plain:  # readable without vtlib
         assert set(plain) == set(ARRAYS)
-
-
-def test_the_same_again_touches_nothing_and_another_result_is_refused(tmp_path):
-    store.save(tmp_path / "x", ARRAYS, NOTE)
-    before = {p.name: (p.read_bytes(), p.stat().st_mtime_ns) for p in tmp_path.iterdir()}
-    store.save(tmp_path / "x", {k: v.copy() for k, v in ARRAYS.items()}, {"seconds": 9.0})
-    kind, zero = np.arange(3, dtype=np.int32), np.array([np.nan, np.inf, 0.0])
-    for change in ({"run": kind}, {"gaps": zero}, {"x": NONE}):
-        with pytest.raises(FileExistsError, match="x holds another result: move it away"):
-            store.save(tmp_path / "x", {**ARRAYS, **change}, NOTE)
-    assert {p.name: (p.read_bytes(), p.stat().st_mtime_ns) for p in tmp_path.iterdir()} == before
 
 
 @PROPERTY
@@ -93,7 +86,7 @@ def test_a_json_that_was_altered_is_torn_or_the_arrays_are_right(at, mask):
         arrays = read_pair(NPZ, bytes(flipped))
     except TornResult:
         return
-    assert store.same_arrays(arrays, ARRAYS)
+    assert_same(arrays)
 
 
 def test_a_json_that_is_no_provenance_is_torn_and_a_pickle_is_refused():
@@ -114,12 +107,11 @@ def test_what_the_files_cannot_hold_leaves_no_result(tmp_path):
 
 
 def saved(owner, label, root, arrays):
-    note = {**store.origin(owner, label), "seconds": 1.0}
-    store.save(store.path_of(owner, label, root), arrays, note)
+    store.save(store.path_of(owner, label, root), arrays, store.origin(owner, label))
 
 
 def check(owner, config, /, **changes):
-    note = {**store.origin(owner, "GVT"), "seconds": 1.0, "config": config}
+    note = {**store.origin(owner, "GVT"), "config": config}
     store.check_note(Path("x"), note | changes, owner, "GVT")
 
 
@@ -163,11 +155,10 @@ def test_a_key_that_is_missing_has_its_default_and_is_refused_where_that_is_not_
             check(tiny, without(key))
 
 
-@pytest.mark.parametrize("name", ["owner", "label", "seeds", "seconds"])
-@pytest.mark.parametrize("junk", [None, "1", -1, math.nan])
-def test_a_provenance_that_is_of_another_result_is_refused(tiny, name, junk):
-    with pytest.raises(TornResult, match=f"(differs in|does not tell its) {name}"):
-        check(tiny, store.origin(tiny, "GVT")["config"], **{name: junk})
+@pytest.mark.parametrize("name", ["owner", "label", "seeds"])
+def test_a_provenance_that_is_of_another_result_is_refused(tiny, name):
+    with pytest.raises(TornResult, match=f"differs in {name}"):
+        check(tiny, store.origin(tiny, "GVT")["config"], **{name: None})
 
 
 def test_a_key_that_nobody_knows_is_refused(tiny):

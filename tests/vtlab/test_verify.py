@@ -150,7 +150,7 @@ def test_elsewhere_runs_begin_alike_and_are_equal_in_distribution():
 def test_the_same_arithmetic_excuses_nothing():
     there = store.stored(ROOMS, "NT")[1]["machine"]
     assert not elsewhere((2, 1), machine=there).same
-    for other in ({"torch": "1.0"}, {"kernels": "none"}, {"device": "a card"}):
+    for other in ({"torch": "1.0"}, {"kernels": "none"}):
         assert elsewhere((2, 1), machine={**there, **other}).same
 
 

@@ -18,11 +18,11 @@ __all__ = [
     "RoomsFamily",
 ]
 
-for _name, _package, _horizon in (
-    ("Rooms", "rooms", Rooms.horizon),
-    ("Cartpole", "cartpole", Cartpole.horizon),
-    ("MountainCar", "mountain_car", MountainCar.horizon),
-    ("Maze", "maze", Mazes.horizon),
+for _name, _horizon in (
+    ("Rooms", Rooms.horizon),
+    ("Cartpole", Cartpole.horizon),
+    ("MountainCar", MountainCar.horizon),
+    ("Maze", Mazes.horizon),
 ):
-    _entry = f"vtlab.envs.{_package}.gym:{_name}Env"
+    _entry = f"vtlab.envs.gym:{_name}Env"
     gymnasium.register(f"vtlab/{_name}-v0", _entry, max_episode_steps=_horizon)

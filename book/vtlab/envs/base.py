@@ -13,7 +13,7 @@ from attrs import evolve, frozen
 from numpy.typing import ArrayLike
 from torch import Tensor
 
-from vtlib.checks import check_whole, shown
+from vtlib.checks import shown
 from vtlib.qfunctions import QFunction
 from vtlib.rng import generator
 
@@ -54,7 +54,7 @@ class TaskBatch(ABC):
         return state
 
     def select(self, index: Tensor | np.ndarray | Sequence[int]) -> Self:
-        """The tasks at `index`, in that order; an index may repeat. Raises IndexError outside."""
+        """The tasks at `index`, in that order; an index may repeat."""
         rows, batch = torch.as_tensor(index), cast(Any, self)
         return cast(Self, evolve(batch, **{n: getattr(self, n)[rows] for n in self.parameters}))
 
@@ -81,7 +81,6 @@ class ParameterBatch(TaskBatch):
     @classmethod
     def of(cls, count: int, **parameters: ArrayLike) -> Self:
         """`count` tasks, each parameter a number for all or a vector (count,); else ValueError."""
-        check_whole("count", count)
         vectors = {}
         for name, value in parameters.items():
             array = float_array(name, value)
@@ -121,7 +120,7 @@ class TaskFamily(ABC):
 
     @abstractmethod
     def sample(self, rng: np.random.Generator, count: int) -> TaskBatch:
-        """Draw `count` tasks, independent and alike. Raises ValueError when count < 1."""
+        """Draw `count` tasks, independent and alike."""
 
     def solved(self, returns: Tensor, optimum: Tensor, required: float) -> Tensor:
         """Whether the mean of returns (R, E) reaches a share of the optimum (R,), bool (R,)."""
@@ -158,10 +157,7 @@ class TaskFamily(ABC):
 
 def float_array(name: str, value: ArrayLike) -> np.ndarray:
     """A number, or numbers in nested lists of one shape, as float32; ValueError for others."""
-    try:
-        array = np.asarray(value)
-    except ValueError:  # rows of different lengths
-        array = np.asarray(None)
+    array = np.asarray(value)
     if array.dtype.kind not in "iuf":
         raise ValueError(f"{name} must be a number or an array of numbers, got {shown(value)}")
     with np.errstate(over="ignore"):  # callers refuse infinity

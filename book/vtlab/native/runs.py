@@ -6,9 +6,9 @@ numbers are those of the engine's streams.
 """
 
 import ctypes
-import itertools
 from collections.abc import Callable, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor
+from itertools import pairwise, repeat
 from typing import Any
 
 import numpy as np
@@ -233,21 +233,13 @@ def train_natively(
     """As ``vtlab.training.train``; each run goes on alone from one record to the next.
 
     As many run at once as there are threads, because kernels leave Python's lock to other threads.
-    Runs go on while they are evaluated.
     """
     measured, learning, greedy, prints = [], [], [], []
     records = range(every, iterations + 1, every)
     times = sorted({*records, *(f for f in FINGERPRINTS if f <= iterations)})
-    pool = ThreadPoolExecutor(threads)
-
-    def advance(count: int) -> list[Future[None]]:
-        return [pool.submit(run.advance, count) for run in runs]
-
-    try:
-        under_way = advance(times[0])
-        for t, later in itertools.zip_longest(times, times[1:]):
-            for future in under_way:
-                future.result()
+    with ThreadPoolExecutor(threads) as pool:
+        for before, t in pairwise([0, *times]):
+            list(pool.map(NativeRun.advance, runs, repeat(t - before)))
             if t in FINGERPRINTS:
                 prints.append([run.fingerprint for run in runs])
             if t in records:
@@ -255,12 +247,7 @@ def train_natively(
                 check_finite(mu, names, t)
                 measured.append(t)
                 learning.append([run.learning for run in runs])
-            if later is not None:
-                under_way = advance(later - t)
-            if t in records:
                 greedy.append(evaluate(mu).numpy())
                 if progress is not None and not progress(t):
                     break
-    finally:
-        pool.shutdown(cancel_futures=True)
     return recorded(len(runs), measured, learning, greedy, prints)

@@ -54,11 +54,6 @@ def test_select_takes_and_repeats_tasks(family):
         assert type(chosen) is type(tasks)
         for name, rows in family.values(tasks).items():
             np.testing.assert_array_equal(getattr(chosen, name), rows[[2, 0, 0]])
-    for bad in ([3], [-4], [0.5], [True]):
-        with pytest.raises(IndexError):
-            tasks.select(bad)
-    with pytest.raises(ValueError, match=r"count must be a whole number from 1 .*, got 0"):
-        family.sample(np.random.default_rng(0), 0)
 
 
 @every_family

@@ -63,12 +63,7 @@ def test_poles_start_in_a_small_box_and_cars_at_rest_left_of_zero():
     torch.testing.assert_close(start, torch.tensor([[-0.9, 0.0], [0.0, 0.0]]))
     tasks = CartpoleFamily().sample(np.random.default_rng(0), COUNT)
     u = torch.rand(COUNT, 4, generator=torch.Generator().manual_seed(0))
-    state = tasks.start(u)
-    torch.testing.assert_close(state, (u - 0.5) / 10)
-    # also a fallen pole stays finite
-    for _ in range(tasks.horizon):
-        state, _, _ = tasks.step(state, torch.ones(COUNT, dtype=torch.int64), NONE)
-    assert state.isfinite().all()
+    torch.testing.assert_close(tasks.start(u), (u - 0.5) / 10)
 
 
 def test_the_best_return_is_that_of_a_hundred_steps_and_whole_episodes_balance():
@@ -102,11 +97,3 @@ def test_a_transition_of_a_car_is_gymnasiums(seed):
         assert reward[row] == (last if terminated[row] else -1)
     # Not minus zero: a stored reward would print as such.
     assert torch.equal(reward.signbit(), reward < 0)
-
-
-def test_the_last_reward_is_told_to_the_kernel():
-    family = MountainCarFamily(last_reward=-1.0)
-    tasks = family.draw_tasks("t", [0, 1])
-    expected = [[float(speed), -1.0] for speed in tasks.speed]
-    assert [family.kernel_parameters(tasks, row) for row in (0, 1)] == expected
-    assert torch.equal(tasks.speed, MountainCarFamily().draw_tasks("t", [0, 1]).speed)

@@ -10,25 +10,22 @@ import pytest
 import torch
 from gymnasium.utils.env_checker import check_env
 
-from vtlab.envs.cartpole.gym import CartpoleEnv
-from vtlab.envs.maze.gym import MazeEnv
-from vtlab.envs.mountain_car.gym import MountainCarEnv
-from vtlab.envs.rooms.gym import RoomsEnv
+from vtlab.envs.gym import CartpoleEnv, MazeEnv, MountainCarEnv, RoomsEnv
 
-# An environment, its horizon, a picture's shape, and arguments of its own.
+# An environment, its horizon, and arguments of its own.
 CASES = {
-    "Rooms": (RoomsEnv, 50, (400, 400, 3), {"doors": (5.0,), "uniform_start": True}),
-    "Cartpole": (CartpoleEnv, 100, (300, 600, 3), {"cart_mass": 0.5, "half_length": 1.0}),
-    "MountainCar": (MountainCarEnv, 200, (400, 600, 3), {"speed": 0.0015}),
-    "Maze": (MazeEnv, 100, (400, 400, 3), {"maze": "south-west 12"}),
+    "Rooms": (RoomsEnv, 50, {"doors": (5.0,), "uniform_start": True}),
+    "Cartpole": (CartpoleEnv, 100, {"cart_mass": 0.5, "half_length": 1.0}),
+    "MountainCar": (MountainCarEnv, 200, {"speed": 0.0015}),
+    "Maze": (MazeEnv, 100, {"maze": "south-west 12"}),
 }
 every_env = pytest.mark.parametrize("name", CASES)
 
 
 @every_env
 def test_it_is_registered_and_passes_gymnasiums_check(name):
-    kind, horizon, *_ = CASES[name]
-    made = gymnasium.make(f"vtlab/{name}-v0", render_mode="rgb_array")
+    kind, horizon, _ = CASES[name]
+    made = gymnasium.make(f"vtlab/{name}-v0")
     assert type(made.unwrapped) is kind
     assert made.unwrapped.tasks.horizon == made.spec.max_episode_steps == horizon
     with warnings.catch_warnings(record=True) as caught:
@@ -40,7 +37,7 @@ def test_it_is_registered_and_passes_gymnasiums_check(name):
 
 @every_env
 def test_a_rollout_is_the_dynamics_under_the_environments_own_noise(name):
-    env = CASES[name][0](**CASES[name][3])
+    env = CASES[name][0](**CASES[name][2])
     seen = env.reset(seed=2)[0]
     rng, tasks = np.random.default_rng(env.np_random.bit_generator.seed_seq), env.tasks
     state = tasks.start(torch.from_numpy(rng.random((1, tasks.start_dim), np.float32)))
@@ -57,29 +54,20 @@ def test_a_rollout_is_the_dynamics_under_the_environments_own_noise(name):
     assert ours[1] or name != "Cartpole"
 
 
-def test_the_defaults_are_gymnasiums_own_and_environments_have_a_seed_each():
+def test_the_defaults_are_gymnasiums_own():
     pole, car = (gymnasium.make(x).unwrapped for x in ("CartPole-v1", "MountainCar-v0"))
     expected, tasks = (pole.masscart, pole.masspole, pole.length), CartpoleEnv().tasks
     assert [tasks.cart_mass, tasks.pole_mass, tasks.half_length] == pytest.approx(expected)
     assert MountainCarEnv().tasks.speed == pytest.approx(car.force)
-    both = gymnasium.make_vec("vtlab/Cartpole-v0", num_envs=2, vectorization_mode="sync")
-    alone = [gymnasium.make("vtlab/Cartpole-v0").reset(seed=seed)[0] for seed in (3, 4)]
-    assert np.array_equal(both.reset(seed=[3, 4])[0], alone)
 
 
 @every_env
-def test_an_episode_is_drawn_and_other_actions_are_refused(name):
-    kind, _, shape, _ = CASES[name]
-    env = gymnasium.make(f"vtlab/{name}-v0", render_mode="rgb_array")
-    assert kind().render() is None
+def test_other_actions_are_refused(name):
+    env = CASES[name][0]()
     env.reset(seed=0)
-    before = env.render()
     for action in (env.action_space.n, -1, 0.5):
         with pytest.raises(ValueError, match=f"integer in 0..{env.action_space.n - 1}, got"):
-            env.unwrapped.step(action)
-    env.step(1)
-    assert (before.shape, before.dtype) == (shape, np.uint8)
-    assert not np.array_equal(before, env.render())
+            env.step(action)
 
 
 def test_the_guides_lines_train_a_learner_of_stable_baselines3():

@@ -1,4 +1,4 @@
-"""Plain drawing of a cartpole: used by the environment's pictures and by the book."""
+"""Plain drawing of a cartpole."""
 
 import math
 

@@ -11,7 +11,7 @@ from vtlab.envs.base import TaskFamily
 from vtlab.envs.maze.library import library
 from vtlab.envs.maze.plan import mean_return, plan_maze
 from vtlab.envs.maze.tasks import Mazes
-from vtlib.checks import check_whole, kind
+from vtlib.checks import kind
 from vtlib.qfunctions import MLP
 
 __all__ = ["MazeFamily", "Mazes"]
@@ -45,7 +45,6 @@ class MazeFamily(TaskFamily):
         return torch.stack([returns[maze] for maze in mazes])
 
     def sample(self, rng: np.random.Generator, count: int) -> Mazes:
-        check_whole("count", count)
         return Mazes.of([self.names[i] for i in rng.integers(len(self.names), size=count)])
 
     def source_tasks(self, stream: str, sources: Sequence[int]) -> Mazes:

@@ -1,4 +1,4 @@
-"""Plain drawing of a maze: used by the environment's pictures and by the book."""
+"""Plain drawing of a maze."""
 
 import numpy as np
 import torch

@@ -1,4 +1,4 @@
-"""Plain drawing of the mountain car: used by the environment's pictures and by the book."""
+"""Plain drawing of the mountain car."""
 
 import math
 

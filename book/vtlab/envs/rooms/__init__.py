@@ -7,13 +7,14 @@ import attrs
 import numpy as np
 import torch
 from attrs import field, frozen
+from attrs.validators import optional
 from torch import Tensor
 
 from vtlab.bases import RBFLinear
 from vtlab.envs.base import TaskFamily
 from vtlab.envs.rooms.plan import plan_rooms
 from vtlab.envs.rooms.tasks import DOOR_RANGE, Rooms
-from vtlib.checks import check_between, check_positive, check_whole, kind, shown, whole
+from vtlib.checks import between, check_between, check_positive, kind, shown, whole
 
 __all__ = ["Rooms", "RoomsFamily"]
 
@@ -28,9 +29,9 @@ class RoomsFamily(TaskFamily):
     """
 
     #: How many rooms there are, 2 or 3.
-    rooms: int = 3
+    rooms: int = field(default=3, validator=whole(2, 3))
     #: Where the lowest door is in every task (thesis 6.1.2).
-    fixed_lower: float | None = None
+    fixed_lower: float | None = field(default=None, validator=optional(between(*DOOR_RANGE)))
     #: Mean and deviation of normal doors, which are clipped to [0.5, 9.5] (thesis 6.1.4).
     normal: tuple[float, float] | None = None
     #: Through how many evenly spaced places the doors of the targets go, task by task.
@@ -44,9 +45,6 @@ class RoomsFamily(TaskFamily):
     kernel = "rooms"
 
     def __attrs_post_init__(self) -> None:
-        check_whole("rooms", self.rooms, 2, 3)
-        if self.fixed_lower is not None:
-            check_between("fixed_lower", self.fixed_lower, *DOOR_RANGE)
         if self.normal is not None:
             if not (isinstance(self.normal, tuple) and len(self.normal) == 2):
                 raise ValueError(f"normal must be (mean, deviation), got {shown(self.normal)}")
@@ -67,7 +65,6 @@ class RoomsFamily(TaskFamily):
         return torch.stack([plan.value(tasks.start(u)).mean() for plan in plans])
 
     def sample(self, rng: np.random.Generator, count: int) -> Rooms:
-        check_whole("count", count)
         shape = (count, self.rooms - 1)
         if self.normal is None:
             doors = rng.uniform(*DOOR_RANGE, shape)

@@ -58,11 +58,10 @@ class Rooms(TaskBatch):
     def from_doors(
         cls, doors: ArrayLike, uniform_start: bool = False, stops: bool = False
     ) -> Rooms:
-        """Tasks with doors (R, W), or one task with doors (W,), and rooms of equal height."""
+        """Tasks with doors (R, W), and rooms of equal height."""
         centres = torch.from_numpy(float_array("doors", doors))
-        centres = centres[None] if centres.ndim == 1 else centres
         if centres.ndim != 2 or centres.shape[1] == 0:
-            raise ValueError(f"doors must have shape (R, W) or (W,), got {tuple(centres.shape)}")
+            raise ValueError(f"doors must have shape (R, W), got {tuple(centres.shape)}")
         rooms = centres.shape[1] + 1
         return cls(centres, SIDE * torch.arange(1, rooms) / rooms, uniform_start, stops)
 
