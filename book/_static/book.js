@@ -160,16 +160,8 @@ document.addEventListener("DOMContentLoaded", () => {
   document.querySelectorAll(".citation-list[role=list]").forEach((list) => list.removeAttribute("role"));
 });
 
-/* Figures change light and dark in the dark theme; what calls a thing black or white says so there.
-   On telephones panels stand below each other; captions that call them left and right say so there. */
+/* Figures change light and dark in the dark theme; what calls a thing black or white says so there. */
 document.addEventListener("DOMContentLoaded", () => {
-  const panels = "figure picture source, figure script[type*=widget-view]";
-  for (const source of document.querySelectorAll(panels)) {
-    const caption = source.closest("figure").querySelector("figcaption");
-    const words = caption?.cloneNode(true);
-    words?.querySelectorAll("em").forEach((name) => name.remove()); // of actions, such as left
-    if (/\b(left|(?<!farther )right(?! is\b))\b/i.test(words?.textContent)) caption.classList.add("names-sides");
-  }
   for (const words of document.querySelectorAll("figcaption, .bd-article section > p")) {
     if (/\b(black|white)\b/.test(words.innerText)) words.classList.add("names-shades");
   }

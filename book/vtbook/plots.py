@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from functools import partial
 from html import escape
 from types import MappingProxyType
-from typing import Any, cast
+from typing import Any
 
 import matplotlib as mpl
 import numpy as np
@@ -24,7 +24,6 @@ from matplotlib.typing import LineStyleType
 from PIL import Image
 from xarray import Dataset
 
-from vtbook.narrow_figures import narrow, panels_of
 from vtbook.published import PublishedCurve
 from vtlab.stats import mean_interval
 
@@ -84,19 +83,14 @@ STYLE: dict[Any, Any] = {  # by matplotlib's names of its settings
 class BookFigure(Figure):
     """A figure that notebooks show by itself, without a plotting backend.
 
-    Beside its picture go lines and letters for print, where they are few, and of panels a picture
-    for telephones, for the book's pages to offer.
+    Beside its picture go lines and letters for print, where they are few.
     """
 
     def _repr_png_(self) -> tuple[bytes, dict[str, str]]:
-        wide, beside = self._png(), {}
+        raw = io.BytesIO()
+        drawn(self).save(raw, format="png", dpi=2 * (STYLE["savefig.dpi"],))
         lines = self.svg()
-        if len(lines) <= MOST_LINES:
-            beside["vector"] = lines
-        if panels_of(self):
-            with look():
-                beside["narrow"] = b64encode(cast(BookFigure, narrow(self))._png()).decode()
-        return wide, beside
+        return raw.getvalue(), {"vector": lines} if len(lines) <= MOST_LINES else {}
 
     def svg(self, letters: str = "path") -> str:
         """The figure in lines; its letters as lines, too, or "none" for the reader's own font."""
@@ -105,11 +99,6 @@ class BookFigure(Figure):
         with look(), mpl.rc_context({"svg.hashsalt": "vtbook", "svg.fonttype": letters}):
             FigureCanvasSVG(self).print_svg(out, metadata={"Date": None})
         return out.getvalue()
-
-    def _png(self) -> bytes:
-        raw = io.BytesIO()
-        drawn(self).save(raw, format="png", dpi=2 * (STYLE["savefig.dpi"],))
-        return raw.getvalue()
 
 
 def drawn(figure: Figure) -> Image.Image:
@@ -330,17 +319,10 @@ def small_picture(figure: Figure, colours: int = 24) -> bytes:
 
 def image_html(picture: bytes, alt: str) -> str:
     """An <img> element that carries its picture and its description."""
-    return f'<img alt="{escape(alt)}" style="max-width: 100%" src="{_data(picture)}">'
+    data = b64encode(picture).decode()
+    return f'<img alt="{escape(alt)}" style="max-width: 100%" src="data:image/webp;base64,{data}">'
 
 
 def figure_html(figure: Figure, alt: str, colours: int = 24) -> str:
-    """A figure as a small picture with its description, and of panels one for telephones."""
-    image = image_html(small_picture(figure, colours), alt)
-    if not panels_of(figure):
-        return image
-    source = _data(small_picture(narrow(figure), colours))
-    return f'<picture><source media="(max-width: 600px)" srcset="{source}">{image}</picture>'
-
-
-def _data(picture: bytes) -> str:
-    return f"data:image/webp;base64,{b64encode(picture).decode()}"
+    """A figure as a small picture with its description."""
+    return image_html(small_picture(figure, colours), alt)
