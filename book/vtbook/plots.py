@@ -1,7 +1,5 @@
 """One look for every figure: a colour per algorithm, bands for intervals, the optimum dashed."""
 
-from __future__ import annotations
-
 import io
 import os
 from base64 import b64encode
@@ -13,7 +11,7 @@ from typing import Any
 
 import matplotlib as mpl
 import numpy as np
-from attrs import evolve, frozen
+from attrs import frozen
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.backends.backend_svg import FigureCanvasSVG
@@ -137,11 +135,6 @@ class Curve:
     returns: np.ndarray
     colour: str
     style: LineStyleType = "-"
-
-    def until(self, t: int) -> Curve:
-        """The curve up to an iteration."""
-        before = self.iterations <= t
-        return evolve(self, iterations=self.iterations[before], returns=self.returns[:, before])
 
 
 def curve(label: str, algorithm: str, iterations: np.ndarray, returns: np.ndarray) -> Curve:
@@ -317,12 +310,7 @@ def small_picture(figure: Figure, colours: int = 24) -> bytes:
     return out.getvalue()
 
 
-def image_html(picture: bytes, alt: str) -> str:
-    """An <img> element that carries its picture and its description."""
-    data = b64encode(picture).decode()
-    return f'<img alt="{escape(alt)}" style="max-width: 100%" src="data:image/webp;base64,{data}">'
-
-
 def figure_html(figure: Figure, alt: str, colours: int = 24) -> str:
-    """A figure as a small picture with its description."""
-    return image_html(small_picture(figure, colours), alt)
+    """An <img> element with a small picture of a figure and its description."""
+    data = b64encode(small_picture(figure, colours)).decode()
+    return f'<img alt="{escape(alt)}" style="max-width: 100%" src="data:image/webp;base64,{data}">'
