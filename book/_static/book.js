@@ -88,8 +88,7 @@ document.addEventListener("DOMContentLoaded", () => {
 })();
 
 /* Slider handles get a spoken name (the tooltip, else the label) and a spoken value (the readout).
-   Where they stand can be linked: #lambda=2&psi=1, by the first words of those names. So can the setting
-   of a panel that trains: #panel=MGVT_-6_0.5_1_10_1_0_2_8. */
+   Where they stand can be linked: #lambda=2&psi=1, by the first words of those names. */
 (function () {
   const linked = new URLSearchParams(location.hash.includes("=") ? location.hash.slice(1) : "");
   addEventListener("hashchange", () => location.hash.includes("=") && location.reload());
@@ -122,15 +121,7 @@ document.addEventListener("DOMContentLoaded", () => {
     say(handle, "aria-label", plain(tooltip || (typeset ?? label).textContent));
     say(handle, "aria-valuetext", plain(readout.textContent));
   };
-  const linkPanel = (root) => {
-    const { panel } = root, before = panel.state;
-    root.addEventListener("settled", () => (linked.has("panel") || panel.state !== before) && keep("panel", panel.state));
-    if (!linked.has("panel")) return;
-    panel.state = linked.get("panel");
-    root.scrollIntoView();
-  };
   document.addEventListener("DOMContentLoaded", () => {
-    [...document.querySelectorAll(".trainer")].filter((one) => one.panel).forEach(linkPanel);
     const all = () => document.querySelectorAll(".widget-slider").forEach(describe);
     new MutationObserver(all).observe(document.body, {
       attributeFilter: ["aria-valuetext", "title"],

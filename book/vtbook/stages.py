@@ -8,10 +8,10 @@ from attrs import evolve, field, frozen
 
 from vtbook.experiments.cartpole import CARTPOLE, CARTPOLE_NOTHING
 from vtbook.experiments.mountain_car import CAR, CAR_NOTHING
-from vtbook.experiments.protocols import FROM_MEAN, transfer_settings
+from vtbook.experiments.protocols import transfer_settings
 from vtbook.experiments.rooms import ROOMS_EVALUATION
-from vtlab.experiment import Algorithm, Experiment
-from vtlib.baselines import FineTuning, MellowTDSettings
+from vtlab.experiment import Experiment
+from vtlib.baselines import MellowTDSettings
 from vtlib.transfer import Settings
 from vtlib.trust import Trust
 
@@ -139,11 +139,3 @@ def learners(experiment: Experiment) -> dict[str, Method]:
     nothing = experiment.algorithms.get("NT", stage.algorithms["NT"])
     assert isinstance(nothing, MellowTDSettings)
     return {**stage.algorithms, "NT": nothing}
-
-
-def beside(experiment: Experiment) -> dict[str, Algorithm]:
-    """What trains beside the method, for the engines: fine-tuning of the mean, and NT."""
-    known = learners(experiment)
-    fine = known["fine"]
-    assert isinstance(fine, MellowTDSettings)
-    return {FROM_MEAN: FineTuning(fine, "mean"), "NT": known["NT"]}

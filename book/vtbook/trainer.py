@@ -9,13 +9,13 @@ from string import Template
 from typing import Any
 
 import numpy as np
+import torch
 from attrs import evolve, frozen
 from xarray import Dataset
 
 from vtbook.browser_panel import lean, panel, static
 from vtbook.checkpoints import pauses
 from vtbook.experiments.protocols import FROM_MEAN
-from vtbook.one_task import CELL, optimum
 from vtbook.panel_chart import BOX, axes, stored
 from vtbook.plots import COLOURS
 from vtbook.stages import STAGES, Method, Number, learners
@@ -126,8 +126,6 @@ def train_here(
         "wasm": b64encode(code).decode(),
         "pool": b64encode(pool.tobytes()).decode(),
         "worker": "".join(map(lean, ("promises.js", "trainer_worker.js", *stage.workers))),
-        "experiments": [e.name for e in (experiment, other) if e],
-        "cell": CELL,
     }
     return panel(
         "trainer",
@@ -151,6 +149,15 @@ def train_here(
 def _optima(family: TaskFamily, numbers: int) -> list[float]:
     landmarks = STAGES[family.kernel].landmarks
     return [round(optimum(family, task[:numbers]), 3) for task in landmarks]
+
+
+def optimum(family: TaskFamily, task: Sequence[float]) -> float:
+    """Best mean discounted return that an episode of a task, told by its numbers, can earn."""
+    drawn: Any = family.draw_tasks("optimum", [0])
+    parts = {name: getattr(drawn, name) for name in drawn.parameters}
+    numbers = torch.tensor(task).split([part.numel() for part in parts.values()])
+    changed = {name: x.view_as(parts[name]) for name, x in zip(parts, numbers, strict=True)}
+    return float(family.optimum(evolve(drawn, **changed))[0])
 
 
 def _scene(kernel: str, numbers: Sequence[Number], task: Sequence[float]) -> str:
