@@ -4,6 +4,7 @@
 
 const NUMBERS = ["power", "psi", "components", "sources", "seed", "pool"]; // controls
 const ZERO = -8.1, SEEDS = 10000; // the least place of lambda, a power of ten, stands for a lambda of 0
+const BOX = [34, 372, 22, 200]; // left, right, top and bottom of the chart, in its picture's units
 const LIVE = { transfer: "this run", fine: "fine-tuning", none: "no transfer" };
 
 const lambdaOf = (power) => (power > ZERO ? Number((10 ** power).toPrecision(6)) : 0);
@@ -43,10 +44,23 @@ function draw(parent, kind, attributes, text = "") {
 /* Learning return over iterations: those of this run, over the stored ones. */
 class Chart {
   constructor(svg, setup) {
-    const { box: [left, right, top, bottom], limits: [least, most] } = setup;
+    const [left, right, top, bottom] = BOX, [least, most] = setup.limits;
     Object.assign(this, { svg, setup, top, bottom, marks: svg.querySelector(".marks"), optimum: svg.querySelector(".optimum") });
     this.across = (t) => left + ((right - left) * t) / setup.iterations;
     this.down = (y) => bottom - ((bottom - top) * (Math.min(most, Math.max(least, y)) - least)) / (most - least);
+    const [axes, stored] = [".axes", ".references"].map((part) => svg.querySelector(part));
+    for (const tick of setup.ticks) {
+      const y = this.down(tick);
+      draw(axes, "line", { x1: left, x2: right, y1: y, y2: y });
+      draw(axes, "text", { x: left - 6, y: y + 4, "text-anchor": "end" }, String(tick).replace("-", "−"));
+    }
+    for (let i = 0; i <= 5; i++) {
+      const t = (i * setup.iterations) / 5, anchor = i === 5 ? "end" : "middle";
+      draw(axes, "text", { x: this.across(t), y: bottom + 15, "text-anchor": anchor }, grouped(t));
+    }
+    for (const { family, colour, iterations, values } of setup.references) {
+      this.trace(draw(stored, "polyline", { class: family, style: `--own: ${colour}` }), iterations, values);
+    }
   }
 
   /* The optimum of a task that is a share of the way along the landmarks. */

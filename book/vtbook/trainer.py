@@ -16,7 +16,6 @@ from xarray import Dataset
 from vtbook.browser_panel import lean, panel, static
 from vtbook.checkpoints import pauses
 from vtbook.experiments.protocols import FROM_MEAN
-from vtbook.panel_chart import BOX, axes, stored
 from vtbook.plots import COLOURS
 from vtbook.stages import STAGES, Method, Number, learners
 from vtlab.envs.base import TaskFamily
@@ -114,12 +113,10 @@ def train_here(
         "spread": family.scale,
         "task": list(task),
         "ranges": [(number.least, number.most) for number in numbers],
-        "box": BOX,
         "limits": stage.limits,
+        "ticks": stage.ticks,
         "optima": _optima(family, len(task)),
-        "references": [
-            {key: one[key] for key in ("label", "family", "colour")} for one in references
-        ],
+        "references": list(references),
         "start": start,
         "iterations": iterations,
         "every": iterations // 200,
@@ -139,8 +136,6 @@ def train_here(
         arrival=stage.arrival,
         last=len(pools) - 1,
         presets="".join(preset.button for preset in presets),
-        axes=axes(stage.limits, stage.ticks, iterations),
-        references=stored(references, stage.limits, iterations),
         stage=_scene(family.kernel, numbers, task),
     )
 
