@@ -13,7 +13,6 @@ from vtlab.stats import mean_interval
 
 HEIGHT = 12.0  # of a title's line, in points
 FONT = "'DejaVu Sans', Verdana, sans-serif"  # of the book's figures, and one as wide
-LONG = re.compile(r"-?\d+\.\d{3,}")
 
 
 class Frame:
@@ -74,13 +73,7 @@ class Frame:
         inside = whole[whole.index("<defs>") : whole.rindex("</svg>")]
         # it would hold for all pictures of the page, and here it is said of one
         inside = re.sub(r"<style.*?</style>", "", inside, flags=re.DOTALL)
-        used = set(re.findall(r"#([\w-]+)", inside))
-        inside = re.sub(
-            r' id="([^"]*)"', lambda found: found[0] if found[1] in used else "", inside
-        )
         inside = re.sub(r"'DejaVu Sans'[^;\"]*sans-serif", FONT, inside)
-        inside = re.sub(r"<!--.*?-->|<defs>\s*</defs>", "", inside)
-        inside = re.sub(r"\s*\n\s*", " ", LONG.sub(_short, inside))
         return (
             f'<svg class="frame" aria-hidden="true" width="0" height="0"><symbol id="{self._name}"'
             f' viewBox="0 0 {self._width:.1f} {self._height:.1f}"'
@@ -88,19 +81,6 @@ class Frame:
         )
 
 
-def _short(number: re.Match[str]) -> str:
-    value = float(number[0])
-    return f"{value:.2f}" if abs(value) >= 1 else f"{value:.4g}"
-
-
 def _path(points: np.ndarray) -> str:
-    """A path through places (T, 2), told by steps of tenths of a point, in few letters."""
-    tenths = np.round(10 * points).astype(int)
-    steps = np.diff(tenths, axis=0) / 10
-    first = tenths[0] / 10
-    return f"M{first[0]:g},{first[1]:g}l" + _brief(" ".join(f"{x:g},{y:g}" for x, y in steps))
-
-
-def _brief(steps: str) -> str:
-    """Steps without the zeros and separators that a path can do without."""
-    return re.sub(r"[ ,]-", "-", re.sub(r"(?<!\d)0\.", ".", steps))
+    """A path through places (T, 2), to a tenth of a point."""
+    return "M" + "L".join(f"{x:.1f} {y:.1f}" for x, y in points)
