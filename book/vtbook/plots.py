@@ -185,15 +185,8 @@ def learning_figure(
         ax.set_ylim(*limits)
     axes[0].set_ylabel("discounted return")
     handles, labels = axes[0].get_legend_handles_labels()
-    # by their number, as long as they have room: figures of a series are laid out alike
-    most = 3 if width > 5 else 2
-    columns = len(labels) if len(labels) < (6 if width > 7 else 4) else most
-    place = partial(figure.legend, handles, labels, loc="outside lower center")
-    legend = place(ncols=columns)
-    while columns > 1 and legend.get_window_extent().width > figure.bbox.width:
-        legend.remove()
-        columns = min(columns - 1, most)
-        legend = place(ncols=columns)
+    columns = 3 if width > 5 else 2
+    figure.legend(handles, labels, loc="outside lower center", ncols=columns)
     return figure
 
 
@@ -257,34 +250,6 @@ def over_published(
         for ax, label in zip(axes[0], labels, strict=True):
             ax.set_title(label, color=COLOURS[label])
         figure.supxlabel("thousand iterations", fontsize=10)
-        return figure
-
-
-def intervals_figure(
-    groups: Mapping[str, Mapping[str, np.ndarray]], xlabel: str, colours: Mapping[str, str]
-) -> Figure:
-    """Means of runs (R,) with intervals and every run, below each other, a panel for each group.
-
-    The first of a group is the one that others are compared with: a line marks it.
-    """
-    with look():
-        rows = max(len(group) for group in groups.values())
-        figure = BookFigure(figsize=(7.6, 1.0 + 0.26 * rows))
-        axes = figure.subplots(1, len(groups), sharex=True, squeeze=False)[0]
-        for ax, (name, group) in zip(axes, groups.items(), strict=True):
-            for y, values in enumerate(group.values()):
-                mean = mean_interval(values)
-                # every run a little below
-                at = np.full(len(values), y + 0.3)
-                ax.plot(values, at, ".", color=colours[name], ms=4, mec="none", alpha=0.35)
-                ax.plot([mean.low, mean.high], [y, y], color=colours[name], lw=1.4)
-                ax.plot(mean.centre, y, "o", color=colours[name], ms=5)
-            first = next(iter(group.values()))
-            ax.axvline(first.mean(), color=colours[name], lw=0.8, ls=":")
-            ax.set_yticks(range(len(group)), list(group))
-            ax.set_ylim(len(group) - 0.4, -0.4)  # the last runs clear of the axis
-            ax.set_title(name)
-            ax.set_xlabel(xlabel)
         return figure
 
 
