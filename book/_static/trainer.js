@@ -106,7 +106,7 @@ class Panel {
   constructor(root) {
     this.root = root;
     this.setup = JSON.parse(root.querySelector("script[type='application/json']").textContent);
-    const { start, worker, bits, pools } = this.setup, [wasm, bytes] = [this.setup.wasm, this.setup.pool].map(bytesOf);
+    const { start, worker, pools } = this.setup, [wasm, bytes] = [this.setup.wasm, this.setup.pool].map(bytesOf);
     if (!STAGE.works() || typeof WebAssembly !== "object" || !WebAssembly.validate(wasm)) {
       root.querySelectorAll("button, input, select").forEach((control) => { control.disabled = true; });
       this.say(this.find(".says").dataset.lacks);
@@ -125,7 +125,7 @@ class Panel {
     this.worker.onerror = ({ message }) => this.say(`The training stopped: ${message}`);
     this.listen();
     this.set(start);
-    const pool = bits === 8 ? new Int8Array(bytes.buffer) : new Int16Array(bytes.buffer);
+    const pool = new Int16Array(bytes.buffer);
     const { fields, settings, every, iterations, scales, weights, spread } = this.setup, { states, arrives } = STAGE;
     const setup = { fields, settings, every, iterations, weights, spread, states, arrives, pools };
     this.begin({ wasm, pool, scales, setup });

@@ -3,7 +3,6 @@
 from collections.abc import Mapping
 from typing import Any
 
-import numpy as np
 from attrs import evolve, field, frozen
 
 from vtbook.experiments.cartpole import CARTPOLE, CARTPOLE_NOTHING
@@ -32,8 +31,7 @@ class Number:
 class Stage:
     """Algorithms as published, the scripts, the template, and the numbers that have sliders.
 
-    The optimum of a task lies between those of some landmarks; the script says where. Weights of
-    networks need sixteen bits: with eight the sources of mountain car drive worse.
+    The optimum of a task lies between those of some landmarks; the script says where.
     """
 
     algorithms: dict[str, Method]
@@ -47,7 +45,6 @@ class Stage:
     ticks: tuple[float, ...]
     numbers: tuple[Number, ...]
     shown: Mapping[str, str] = field(factory=dict)
-    weights: type[np.signedinteger[Any]] = np.int16
     workers: tuple[str, ...] = ()
     note: str = ""
 
@@ -88,7 +85,6 @@ STAGES = {
         limits=(0.0, 0.9),
         ticks=(0.0, 0.2, 0.4, 0.6, 0.8),
         numbers=(Number("Lower door", 0.5, 9.5, 0.1), Number("Upper door", 0.5, 9.5, 0.1)),
-        weights=np.int8,
         workers=("stage_rooms_worker.js",),
         note="",
     ),

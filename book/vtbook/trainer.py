@@ -98,7 +98,7 @@ def train_here(
     """
     family = experiment.family
     stage, code = STAGES[family.kernel], page_module(family.kernel).read_bytes()
-    pools = [quantised(weights(e.pool), stage.weights) for e in (experiment, other) if e]
+    pools = [quantised(weights(e.pool)) for e in (experiment, other) if e]
     pool, scales = (np.concatenate(parts) for parts in zip(*pools, strict=True))
     numbers = stage.numbers[: len(task)]
     setup = {
@@ -108,7 +108,6 @@ def train_here(
         },
         "scales": [float(f"{x:.6g}") for x in scales],
         "pools": len(pools),
-        "bits": 8 * pool.itemsize,
         "weights": pool.shape[1],
         "spread": family.scale,
         "task": list(task),
@@ -130,7 +129,6 @@ def train_here(
         stage.scripts,
         code=round(len(code) / 1e3),
         data=round(pool.nbytes / 1e3),
-        bits=8 * pool.itemsize,
         changes=stage.changes,
         note=stage.note if FROM_MEAN in experiment.algorithms else "",
         arrival=stage.arrival,
@@ -178,13 +176,10 @@ def _slider(number: Number, value: float) -> str:
     )
 
 
-def quantised(
-    sources: np.ndarray, kind: type[np.signedinteger[Any]]
-) -> tuple[np.ndarray, np.ndarray]:
-    """Weights (S, d) as little-endian integers of a kind, and the scale (S,) of each source."""
-    scales = np.abs(sources).max(1) / np.iinfo(kind).max
-    integers = np.round(sources / scales[:, None]).astype(kind)
-    return integers.astype(integers.dtype.newbyteorder("<")), scales
+def quantised(sources: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Weights (S, d) as little-endian integers of 16 bits, and the scale (S,) of each source."""
+    scales = np.abs(sources).max(1) / np.iinfo(np.int16).max
+    return np.round(sources / scales[:, None]).astype("<i2"), scales
 
 
 def _settings(name: str, method: Method, kernel: str) -> dict[str, Any]:
