@@ -207,10 +207,7 @@ def returns_figure(
     kinds: Mapping[str, str] = KINDS,
     width: float = 7.6,
 ) -> BookFigure:
-    """Returns {algorithm: stored ones} with the mean optimum dashed; limits of their axis.
-
-    width: in inches.
-    """
+    """Returns {algorithm: stored ones} with the mean optimum dashed; a width in inches."""
     with look():
         return learning_figure(panels(runs, kinds), mean_optimum(runs), limits, width)
 

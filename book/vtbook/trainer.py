@@ -53,7 +53,6 @@ class Preset:
 
 CURVATURES = 4  # runs that tell the curvature
 FAMILIES = {"GVT": "GVT", "1-MGVT": "MGVT", "trust": "Trust"}
-NAMES = {"trust": "Trust"}
 
 THESIS = Preset("thesis’ settings", "", {"psi": 0.5, "components": 1})
 
@@ -66,7 +65,7 @@ def mean_curves(runs: Mapping[str, Dataset], until: int) -> list[dict[str, Any]]
     curves = []
     for label, runs_of in runs.items():
         mean = runs_of.learning.sel(iteration=slice(None, until)).mean("run")
-        source = f"{NAMES.get(label, label)} from ten sources"
+        source = f"{label.replace('trust', 'Trust')} from ten sources"
         curves.append(
             {
                 "label": f"{source}, mean of {runs_of.sizes['run']} runs",
