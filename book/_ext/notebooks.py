@@ -127,7 +127,7 @@ def section_numbers(env: Any, docname: str) -> Iterator[str]:
 
 
 def shown_outputs(cell: NotebookNode) -> list[NotebookNode]:
-    """The outputs that a notebook shows: no numbers for the prose, no pictures for telephones."""
+    """The outputs that a notebook shows: no numbers for the prose, no drawings for print."""
     outputs = [x for x in cell.outputs if "scrapbook" not in x.get("metadata", {})]
     for output in outputs:
         output.get("metadata", {}).pop("image/png", None)

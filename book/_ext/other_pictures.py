@@ -1,8 +1,7 @@
-"""Sphinx extension: telephones and print have figures that were drawn for them.
+"""Sphinx extension: print has figures in lines and letters.
 
 `vtbook.plots` hands those over in the metadata of the figure's output, which the execution cache
-keeps. Here they become files beside the picture: a source for narrow screens, and vectors, which
-pdf.py prints.
+keeps. Here they become files beside the picture, which pdf.py prints.
 """
 
 from __future__ import annotations
@@ -43,10 +42,6 @@ def offer(app: Any, docname: str, template: str, context: dict[str, Any], doctre
         if "vector" in drawing:
             (images / f"{name}.svg").write_text(drawing["vector"], encoding="utf-8")
             tag = tag.replace("<img", f'<img data-vector="{folder}{name}.svg"', 1)
-        if "narrow" in drawing:
-            (images / f"{name}-narrow.png").write_bytes(b64decode(drawing["narrow"]))
-            source = f'<source media="(max-width: 600px)" srcset="{folder}{name}-narrow.png"/>'
-            tag = f"<picture>{source}{tag}</picture>"
         return tag
 
     context["body"] = IMAGE.sub(named, context["body"])

@@ -88,8 +88,7 @@ document.addEventListener("DOMContentLoaded", () => {
 })();
 
 /* Slider handles get a spoken name (the tooltip, else the label) and a spoken value (the readout).
-   Where they stand can be linked: #lambda=2&psi=1, by the first words of those names. So can the setting
-   of a panel that trains: #panel=MGVT_-6_0.5_1_10_1_0_2_8. */
+   Where they stand can be linked: #lambda=2&psi=1, by the first words of those names. */
 (function () {
   const linked = new URLSearchParams(location.hash.includes("=") ? location.hash.slice(1) : "");
   addEventListener("hashchange", () => location.hash.includes("=") && location.reload());
@@ -122,15 +121,7 @@ document.addEventListener("DOMContentLoaded", () => {
     say(handle, "aria-label", plain(tooltip || (typeset ?? label).textContent));
     say(handle, "aria-valuetext", plain(readout.textContent));
   };
-  const linkPanel = (root) => {
-    const { panel } = root, before = panel.state;
-    root.addEventListener("settled", () => (linked.has("panel") || panel.state !== before) && keep("panel", panel.state));
-    if (!linked.has("panel")) return;
-    panel.state = linked.get("panel");
-    root.scrollIntoView();
-  };
   document.addEventListener("DOMContentLoaded", () => {
-    [...document.querySelectorAll(".trainer")].filter((one) => one.panel).forEach(linkPanel);
     const all = () => document.querySelectorAll(".widget-slider").forEach(describe);
     new MutationObserver(all).observe(document.body, {
       attributeFilter: ["aria-valuetext", "title"],
@@ -160,16 +151,8 @@ document.addEventListener("DOMContentLoaded", () => {
   document.querySelectorAll(".citation-list[role=list]").forEach((list) => list.removeAttribute("role"));
 });
 
-/* Figures change light and dark in the dark theme; what calls a thing black or white says so there.
-   On telephones panels stand below each other; captions that call them left and right say so there. */
+/* Figures change light and dark in the dark theme; what calls a thing black or white says so there. */
 document.addEventListener("DOMContentLoaded", () => {
-  const panels = "figure picture source, figure script[type*=widget-view]";
-  for (const source of document.querySelectorAll(panels)) {
-    const caption = source.closest("figure").querySelector("figcaption");
-    const words = caption?.cloneNode(true);
-    words?.querySelectorAll("em").forEach((name) => name.remove()); // of actions, such as left
-    if (/\b(left|(?<!farther )right(?! is\b))\b/i.test(words?.textContent)) caption.classList.add("names-sides");
-  }
   for (const words of document.querySelectorAll("figcaption, .bd-article section > p")) {
     if (/\b(black|white)\b/.test(words.innerText)) words.classList.add("names-shades");
   }

@@ -24,8 +24,8 @@ const wallsOf = (count) => Array.from({ length: count }, (_, i) => (SIDE * (i + 
 
 const DOORS = [0.5, 9.5];
 
-/* A place where a door can be; what is no number is the middle. */
-const held = (door) => Math.round(10 * Math.min(DOORS[1], Math.max(DOORS[0], Number.isNaN(Number(door)) ? 5 : door))) / 10;
+/* A place where a door can be. */
+const held = (door) => Math.round(10 * Math.min(DOORS[1], Math.max(DOORS[0], door))) / 10;
 
 /* Where a key takes a door; undefined when it means nothing here. */
 function moved(door, key) {

@@ -2,8 +2,9 @@
    and moves is a STAGE, whose script stands before this. */
 "use strict";
 
-const NUMBERS = ["power", "psi", "components", "sources", "seed", "pool"]; // controls, in the order of a link
+const NUMBERS = ["power", "psi", "components", "sources", "seed", "pool"]; // controls
 const ZERO = -8.1, SEEDS = 10000; // the least place of lambda, a power of ten, stands for a lambda of 0
+const BOX = [34, 372, 22, 200]; // left, right, top and bottom of the chart, in its picture's units
 const LIVE = { transfer: "this run", fine: "fine-tuning", none: "no transfer" };
 
 const lambdaOf = (power) => (power > ZERO ? Number((10 ** power).toPrecision(6)) : 0);
@@ -43,10 +44,23 @@ function draw(parent, kind, attributes, text = "") {
 /* Learning return over iterations: those of this run, over the stored ones. */
 class Chart {
   constructor(svg, setup) {
-    const { box: [left, right, top, bottom], limits: [least, most] } = setup;
+    const [left, right, top, bottom] = BOX, [least, most] = setup.limits;
     Object.assign(this, { svg, setup, top, bottom, marks: svg.querySelector(".marks"), optimum: svg.querySelector(".optimum") });
     this.across = (t) => left + ((right - left) * t) / setup.iterations;
     this.down = (y) => bottom - ((bottom - top) * (Math.min(most, Math.max(least, y)) - least)) / (most - least);
+    const [axes, stored] = [".axes", ".references"].map((part) => svg.querySelector(part));
+    for (const tick of setup.ticks) {
+      const y = this.down(tick);
+      draw(axes, "line", { x1: left, x2: right, y1: y, y2: y });
+      draw(axes, "text", { x: left - 6, y: y + 4, "text-anchor": "end" }, String(tick).replace("-", "−"));
+    }
+    for (let i = 0; i <= 5; i++) {
+      const t = (i * setup.iterations) / 5, anchor = i === 5 ? "end" : "middle";
+      draw(axes, "text", { x: this.across(t), y: bottom + 15, "text-anchor": anchor }, grouped(t));
+    }
+    for (const { family, colour, iterations, values } of setup.references) {
+      this.trace(draw(stored, "polyline", { class: family, style: `--own: ${colour}` }), iterations, values);
+    }
   }
 
   /* The optimum of a task that is a share of the way along the landmarks. */
@@ -92,7 +106,7 @@ class Panel {
   constructor(root) {
     this.root = root;
     this.setup = JSON.parse(root.querySelector("script[type='application/json']").textContent);
-    const { start, worker, bits, pools } = this.setup, [wasm, bytes] = [this.setup.wasm, this.setup.pool].map(bytesOf);
+    const { start, worker, pools } = this.setup, [wasm, bytes] = [this.setup.wasm, this.setup.pool].map(bytesOf);
     if (!STAGE.works() || typeof WebAssembly !== "object" || !WebAssembly.validate(wasm)) {
       root.querySelectorAll("button, input, select").forEach((control) => { control.disabled = true; });
       this.say(this.find(".says").dataset.lacks);
@@ -111,8 +125,7 @@ class Panel {
     this.worker.onerror = ({ message }) => this.say(`The training stopped: ${message}`);
     this.listen();
     this.set(start);
-    root.panel = this; // what else is on the page can link to a setting
-    const pool = bits === 8 ? new Int8Array(bytes.buffer) : new Int16Array(bytes.buffer);
+    const pool = new Int16Array(bytes.buffer);
     const { fields, settings, every, iterations, scales, weights, spread } = this.setup, { states, arrives } = STAGE;
     const setup = { fields, settings, every, iterations, weights, spread, states, arrives, pools };
     this.begin({ wasm, pool, scales, setup });
@@ -144,7 +157,6 @@ class Panel {
       this.onTask({});
     });
     onClick(".pin", ({ target }) => this.pin(target));
-    onClick(".copy", () => this.copy());
     for (const button of this.root.querySelectorAll(".preset")) {
       button.addEventListener("click", () => {
         this.set(JSON.parse(button.dataset.state));
@@ -178,35 +190,19 @@ class Panel {
     for (const button of this.root.querySelectorAll(".preset")) button.setAttribute("aria-pressed", button === chosen);
   }
 
-  /* Puts the controls where a preset or a link says; each holds what it is given to its range. */
+  /* Puts the controls where a preset says. */
   set({ family, task, ...numbers }) {
-    if (family) this.form.family.value = ["GVT", "Trust"].includes(family) ? family : "MGVT";
+    if (family) this.form.family.value = family;
     this.setFamily();
     for (const name of NUMBERS) this.form[name].value = numbers[name] ?? this.form[name].value;
     if (task) this.stage.set(task);
     this.form.seed.value = this.choice.seed;
   }
 
-  /* All that a reader chose, in a few letters, and the other way round. */
-  get state() {
-    return [this.choice.family, ...NUMBERS.map((name) => this.form[name].value), ...this.task].join("_");
-  }
-
-  set state(text) {
-    const [family, ...rest] = text.split("_"), task = rest.splice(NUMBERS.length);
-    this.set({ family, ...Object.fromEntries(rest.map((x, i) => [NUMBERS[i], x])), ...(task.length && { task }) });
-    this.begin();
-  }
-
   get choice() {
     const { family, fine, none } = this.form, { task } = this.stage;
     const held = Object.fromEntries(NUMBERS.map((name) => [name, this.form[name].value]));
     return chosen({ ...held, family: family.value, task, fine: fine.checked, none: none.checked });
-  }
-
-  /* The numbers of the task that a reader sets. */
-  get task() {
-    return this.stage.task.slice(0, this.setup.ranges.length);
   }
 
   pin(button) {
@@ -218,24 +214,11 @@ class Panel {
     this.showNumbers(this.report);
   }
 
-  copy() {
-    const { cell, experiments, iterations } = this.setup, { choice } = this;
-    const texts = { ...choice, iterations, experiment: experiments[choice.pool], task: this.task.join(", ") };
-    const lines = choice.family === "Trust" ? cell.replace(/ +(lambda_|psi|components)=.*\n/g, "") : cell;
-    const text = lines.replace(/\$(\w+)/g, (_, name) => texts[name]), shown = this.find(".cell pre");
-    shown.textContent = text;
-    shown.parentElement.hidden = false;
-    getSelection().selectAllChildren(shown);
-    navigator.clipboard?.writeText(text).catch(() => {}); // what is selected can be copied by hand
-  }
-
   /* Reports from before the last command are not looked at, unless it only changed the task. */
   send(message) {
     if (!message.task) this.turn = (this.turn ?? 0) + 1;
     this.worker.postMessage({ ...message, turn: this.turn });
     this.chart.aim(this.stage.along);
-    clearTimeout(this.settling);
-    this.settling = setTimeout(() => this.root.dispatchEvent(new Event("settled")), 300);
   }
 
   /* Begins anew, and goes on running if it was. */
@@ -250,7 +233,6 @@ class Panel {
     this.setting = `${choice.family}, ${choice.family === "Trust" ? "" : `λ = ${power}, ψ = ${psi}, `}${choice.sources} sources`;
     this.root.classList.toggle("elsewhere", choice.pool > 0); // stored runs are from the first pool
     this.chart.marks.replaceChildren();
-    this.find(".cell").hidden = true;
     this.send({ ...first, chosen: choice, rate: 0 });
     if (this.running) this.go();
   }

@@ -1,7 +1,5 @@
 """One look for every figure: a colour per algorithm, bands for intervals, the optimum dashed."""
 
-from __future__ import annotations
-
 import io
 import os
 from base64 import b64encode
@@ -9,11 +7,11 @@ from collections.abc import Mapping
 from functools import partial
 from html import escape
 from types import MappingProxyType
-from typing import Any, cast
+from typing import Any
 
 import matplotlib as mpl
 import numpy as np
-from attrs import evolve, frozen
+from attrs import frozen
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.backends.backend_svg import FigureCanvasSVG
@@ -24,7 +22,6 @@ from matplotlib.typing import LineStyleType
 from PIL import Image
 from xarray import Dataset
 
-from vtbook.narrow_figures import narrow, panels_of
 from vtbook.published import PublishedCurve
 from vtlab.stats import mean_interval
 
@@ -84,19 +81,14 @@ STYLE: dict[Any, Any] = {  # by matplotlib's names of its settings
 class BookFigure(Figure):
     """A figure that notebooks show by itself, without a plotting backend.
 
-    Beside its picture go lines and letters for print, where they are few, and of panels a picture
-    for telephones, for the book's pages to offer.
+    Beside its picture go lines and letters for print, where they are few.
     """
 
     def _repr_png_(self) -> tuple[bytes, dict[str, str]]:
-        wide, beside = self._png(), {}
+        raw = io.BytesIO()
+        drawn(self).save(raw, format="png", dpi=2 * (STYLE["savefig.dpi"],))
         lines = self.svg()
-        if len(lines) <= MOST_LINES:
-            beside["vector"] = lines
-        if panels_of(self):
-            with look():
-                beside["narrow"] = b64encode(cast(BookFigure, narrow(self))._png()).decode()
-        return wide, beside
+        return raw.getvalue(), {"vector": lines} if len(lines) <= MOST_LINES else {}
 
     def svg(self, letters: str = "path") -> str:
         """The figure in lines; its letters as lines, too, or "none" for the reader's own font."""
@@ -105,11 +97,6 @@ class BookFigure(Figure):
         with look(), mpl.rc_context({"svg.hashsalt": "vtbook", "svg.fonttype": letters}):
             FigureCanvasSVG(self).print_svg(out, metadata={"Date": None})
         return out.getvalue()
-
-    def _png(self) -> bytes:
-        raw = io.BytesIO()
-        drawn(self).save(raw, format="png", dpi=2 * (STYLE["savefig.dpi"],))
-        return raw.getvalue()
 
 
 def drawn(figure: Figure) -> Image.Image:
@@ -148,11 +135,6 @@ class Curve:
     returns: np.ndarray
     colour: str
     style: LineStyleType = "-"
-
-    def until(self, t: int) -> Curve:
-        """The curve up to an iteration."""
-        before = self.iterations <= t
-        return evolve(self, iterations=self.iterations[before], returns=self.returns[:, before])
 
 
 def curve(label: str, algorithm: str, iterations: np.ndarray, returns: np.ndarray) -> Curve:
@@ -203,15 +185,8 @@ def learning_figure(
         ax.set_ylim(*limits)
     axes[0].set_ylabel("discounted return")
     handles, labels = axes[0].get_legend_handles_labels()
-    # by their number, as long as they have room: figures of a series are laid out alike
-    most = 3 if width > 5 else 2
-    columns = len(labels) if len(labels) < (6 if width > 7 else 4) else most
-    place = partial(figure.legend, handles, labels, loc="outside lower center")
-    legend = place(ncols=columns)
-    while columns > 1 and legend.get_window_extent().width > figure.bbox.width:
-        legend.remove()
-        columns = min(columns - 1, most)
-        legend = place(ncols=columns)
+    columns = 3 if width > 5 else 2
+    figure.legend(handles, labels, loc="outside lower center", ncols=columns)
     return figure
 
 
@@ -232,10 +207,7 @@ def returns_figure(
     kinds: Mapping[str, str] = KINDS,
     width: float = 7.6,
 ) -> BookFigure:
-    """Returns {algorithm: stored ones} with the mean optimum dashed; limits of their axis.
-
-    width: in inches.
-    """
+    """Returns {algorithm: stored ones} with the mean optimum dashed; a width in inches."""
     with look():
         return learning_figure(panels(runs, kinds), mean_optimum(runs), limits, width)
 
@@ -278,34 +250,6 @@ def over_published(
         return figure
 
 
-def intervals_figure(
-    groups: Mapping[str, Mapping[str, np.ndarray]], xlabel: str, colours: Mapping[str, str]
-) -> Figure:
-    """Means of runs (R,) with intervals and every run, below each other, a panel for each group.
-
-    The first of a group is the one that others are compared with: a line marks it.
-    """
-    with look():
-        rows = max(len(group) for group in groups.values())
-        figure = BookFigure(figsize=(7.6, 1.0 + 0.26 * rows))
-        axes = figure.subplots(1, len(groups), sharex=True, squeeze=False)[0]
-        for ax, (name, group) in zip(axes, groups.items(), strict=True):
-            for y, values in enumerate(group.values()):
-                mean = mean_interval(values)
-                # every run a little below
-                at = np.full(len(values), y + 0.3)
-                ax.plot(values, at, ".", color=colours[name], ms=4, mec="none", alpha=0.35)
-                ax.plot([mean.low, mean.high], [y, y], color=colours[name], lw=1.4)
-                ax.plot(mean.centre, y, "o", color=colours[name], ms=5)
-            first = next(iter(group.values()))
-            ax.axvline(first.mean(), color=colours[name], lw=0.8, ls=":")
-            ax.set_yticks(range(len(group)), list(group))
-            ax.set_ylim(len(group) - 0.4, -0.4)  # the last runs clear of the axis
-            ax.set_title(name)
-            ax.set_xlabel(xlabel)
-        return figure
-
-
 def mean_optimum(runs: Mapping[str, Dataset]) -> float:
     """The mean planned optimum of algorithms that run on the same tasks."""
     return float(next(iter(runs.values())).optimum.mean())
@@ -328,19 +272,7 @@ def small_picture(figure: Figure, colours: int = 24) -> bytes:
     return out.getvalue()
 
 
-def image_html(picture: bytes, alt: str) -> str:
-    """An <img> element that carries its picture and its description."""
-    return f'<img alt="{escape(alt)}" style="max-width: 100%" src="{_data(picture)}">'
-
-
 def figure_html(figure: Figure, alt: str, colours: int = 24) -> str:
-    """A figure as a small picture with its description, and of panels one for telephones."""
-    image = image_html(small_picture(figure, colours), alt)
-    if not panels_of(figure):
-        return image
-    source = _data(small_picture(narrow(figure), colours))
-    return f'<picture><source media="(max-width: 600px)" srcset="{source}">{image}</picture>'
-
-
-def _data(picture: bytes) -> str:
-    return f"data:image/webp;base64,{b64encode(picture).decode()}"
+    """An <img> element with a small picture of a figure and its description."""
+    data = b64encode(small_picture(figure, colours)).decode()
+    return f'<img alt="{escape(alt)}" style="max-width: 100%" src="data:image/webp;base64,{data}">'

@@ -5,19 +5,14 @@ from html import escape
 from typing import Any
 
 import numpy as np
-from matplotlib.transforms import Bbox
 from xarray import Dataset
 
 from vtbook.plots import COLOURS, STYLES, BookFigure, drawn
 from vtlab.stats import mean_interval
 
-HEIGHT = 12.0  # of a title's line, in points
-FONT = "'DejaVu Sans', Verdana, sans-serif"  # of the book's figures, and one as wide
-LONG = re.compile(r"-?\d+\.\d{3,}")
-
 
 class Frame:
-    """A figure of returns whose last curve, and a line above its title, each picture draws itself.
+    """A figure of returns whose last curve each picture draws itself.
 
     name: that no other frame of the page has. ``symbol`` is the HTML that has to stand once on the
     page of the pictures.
@@ -25,8 +20,6 @@ class Frame:
 
     def __init__(self, figure: BookFigure, name: str, label: str) -> None:
         (ax,) = figure.axes
-        title = ax.get_title(loc="left")
-        ax.set_title(f"λ\n{title}", loc="left")  # with room for a picture's own line
         drawn(figure)  # which lays it out
         figure.set_layout_engine("none")
         own: Any = ax.collections[-1], ax.lines[len(ax.collections) - 1], ax.lines[-1]
@@ -35,15 +28,12 @@ class Frame:
         self._scale = 72 / figure.dpi
         self._width, self._height = (float(x) for x in 72 * figure.get_size_inches())
         self._dots = float(own[2].get_xdata()[0])
-        box: Bbox = ax.get_window_extent()
-        self._corner = box.x0 * self._scale, self._height - box.y1 * self._scale - 6
         self._name, self._label = name, label
         for part in own:
             part.set_visible(False)
-        ax.set_title(title, loc="left")
         self.symbol = self._drawn(figure)
 
-    def picture(self, runs: Dataset, title: str, alt: str) -> str:
+    def picture(self, runs: Dataset, alt: str) -> str:
         """The figure with the learning returns of some runs for its last curve, as inline SVG."""
         at, values = runs.iteration.values, runs.learning.values
         band, colour = mean_interval(values), COLOURS[self._label]
@@ -53,12 +43,9 @@ class Frame:
         dashes = f' stroke-dasharray="{" ".join(f"{x:.2f}" for x in lengths)}"' if lengths else ""
         ends = self._points(np.full(len(values), self._dots), values[:, -1])
         dots = "".join(f"M{x:.1f},{y:.1f}h0" for x, y in ends)  # lines without length, round caps
-        x, y = self._corner
         return (
             f'<svg class="curves" role="img" aria-label="{escape(alt)}" width="{self._width:.0f}pt"'
             f' viewBox="0 0 {self._width:.1f} {self._height:.1f}"><use href="#{self._name}"/>'
-            f'<text x="{x:.1f}" y="{y - HEIGHT:.1f}" font-size="10"'
-            f' font-family="{FONT}">{escape(title)}</text>'
             f'<path d="{_path(np.concatenate([high, low[::-1]]))}z" fill="{colour}" opacity=".18"/>'
             f'<path d="{_path(self._points(at, band.centre))}" fill="none" stroke="{colour}"'
             f' stroke-width="1.8"{dashes}/><path d="{dots}" stroke="{colour}"'
@@ -74,13 +61,6 @@ class Frame:
         inside = whole[whole.index("<defs>") : whole.rindex("</svg>")]
         # it would hold for all pictures of the page, and here it is said of one
         inside = re.sub(r"<style.*?</style>", "", inside, flags=re.DOTALL)
-        used = set(re.findall(r"#([\w-]+)", inside))
-        inside = re.sub(
-            r' id="([^"]*)"', lambda found: found[0] if found[1] in used else "", inside
-        )
-        inside = re.sub(r"'DejaVu Sans'[^;\"]*sans-serif", FONT, inside)
-        inside = re.sub(r"<!--.*?-->|<defs>\s*</defs>", "", inside)
-        inside = re.sub(r"\s*\n\s*", " ", LONG.sub(_short, inside))
         return (
             f'<svg class="frame" aria-hidden="true" width="0" height="0"><symbol id="{self._name}"'
             f' viewBox="0 0 {self._width:.1f} {self._height:.1f}"'
@@ -88,19 +68,6 @@ class Frame:
         )
 
 
-def _short(number: re.Match[str]) -> str:
-    value = float(number[0])
-    return f"{value:.2f}" if abs(value) >= 1 else f"{value:.4g}"
-
-
 def _path(points: np.ndarray) -> str:
-    """A path through places (T, 2), told by steps of tenths of a point, in few letters."""
-    tenths = np.round(10 * points).astype(int)
-    steps = np.diff(tenths, axis=0) / 10
-    first = tenths[0] / 10
-    return f"M{first[0]:g},{first[1]:g}l" + _brief(" ".join(f"{x:g},{y:g}" for x, y in steps))
-
-
-def _brief(steps: str) -> str:
-    """Steps without the zeros and separators that a path can do without."""
-    return re.sub(r"[ ,]-", "-", re.sub(r"(?<!\d)0\.", ".", steps))
+    """A path through places (T, 2), to a tenth of a point."""
+    return "M" + "L".join(f"{x:.1f} {y:.1f}" for x, y in points)

@@ -42,11 +42,12 @@ def setting_sliders(
         own = thesis["GVT" if posterior == "GVT" else "1-MGVT"]
         setting, usual = (lambda_, psi, posterior), (own.lambda_, own.psi, posterior)
         mine, theirs = stored(setting), stored(usual)
+        title = f"λ = {power_of_ten(lambda_)}, ψ = {psi:g}, {posterior}"
         text = setting_words(setting, usual, mine, theirs)
         if posterior not in frames:
             name, limits = f"{grid.name}-{posterior}", grid.family.limits
             frames[posterior] = setting_frame(name, references, mine, posterior, limits)
-        return f"{setting_picture(frames[posterior], mine, setting)}<p>{text}</p>"
+        return f"{setting_picture(frames[posterior], mine, setting)}<p>{title}. {text}</p>"
 
     def shared() -> str:
         return "".join(frame.symbol for frame in frames.values())
@@ -106,8 +107,7 @@ def setting_picture(frame: Frame, mine: Runs, setting: Setting) -> str:
     (lambda_, psi, posterior), stored = setting, mine.stored
     end = float(stored.learning[:, -1].mean())
     alt = f"Learning return with lambda = {lambda_:.0e}, psi = {psi:g}, {posterior}; "
-    title = f"λ = {power_of_ten(lambda_)}, ψ = {psi:g}, {posterior}"
-    return frame.picture(stored, title, f"{alt}final learning return {end:.2f}.")
+    return frame.picture(stored, f"{alt}final learning return {end:.2f}.")
 
 
 def first_runs(runs: Dataset, other: Dataset) -> Dataset:

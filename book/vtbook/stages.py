@@ -3,15 +3,14 @@
 from collections.abc import Mapping
 from typing import Any
 
-import numpy as np
 from attrs import evolve, field, frozen
 
 from vtbook.experiments.cartpole import CARTPOLE, CARTPOLE_NOTHING
 from vtbook.experiments.mountain_car import CAR, CAR_NOTHING
-from vtbook.experiments.protocols import FROM_MEAN, transfer_settings
+from vtbook.experiments.protocols import transfer_settings
 from vtbook.experiments.rooms import ROOMS_EVALUATION
-from vtlab.experiment import Algorithm, Experiment
-from vtlib.baselines import FineTuning, MellowTDSettings
+from vtlab.experiment import Experiment
+from vtlib.baselines import MellowTDSettings
 from vtlib.transfer import Settings
 from vtlib.trust import Trust
 
@@ -32,8 +31,7 @@ class Number:
 class Stage:
     """Algorithms as published, the scripts, the template, and the numbers that have sliders.
 
-    The optimum of a task lies between those of some landmarks; the script says where. Weights of
-    networks need sixteen bits: with eight the sources of mountain car drive worse.
+    The optimum of a task lies between those of some landmarks; the script says where.
     """
 
     algorithms: dict[str, Method]
@@ -47,7 +45,6 @@ class Stage:
     ticks: tuple[float, ...]
     numbers: tuple[Number, ...]
     shown: Mapping[str, str] = field(factory=dict)
-    weights: type[np.signedinteger[Any]] = np.int16
     workers: tuple[str, ...] = ()
     note: str = ""
 
@@ -88,7 +85,6 @@ STAGES = {
         limits=(0.0, 0.9),
         ticks=(0.0, 0.2, 0.4, 0.6, 0.8),
         numbers=(Number("Lower door", 0.5, 9.5, 0.1), Number("Upper door", 0.5, 9.5, 0.1)),
-        weights=np.int8,
         workers=("stage_rooms_worker.js",),
         note="",
     ),
@@ -139,11 +135,3 @@ def learners(experiment: Experiment) -> dict[str, Method]:
     nothing = experiment.algorithms.get("NT", stage.algorithms["NT"])
     assert isinstance(nothing, MellowTDSettings)
     return {**stage.algorithms, "NT": nothing}
-
-
-def beside(experiment: Experiment) -> dict[str, Algorithm]:
-    """What trains beside the method, for the engines: fine-tuning of the mean, and NT."""
-    known = learners(experiment)
-    fine = known["fine"]
-    assert isinstance(fine, MellowTDSettings)
-    return {FROM_MEAN: FineTuning(fine, "mean"), "NT": known["NT"]}

@@ -9,14 +9,13 @@ from string import Template
 from typing import Any
 
 import numpy as np
+import torch
 from attrs import evolve, frozen
 from xarray import Dataset
 
 from vtbook.browser_panel import lean, panel, static
 from vtbook.checkpoints import pauses
 from vtbook.experiments.protocols import FROM_MEAN
-from vtbook.one_task import CELL, optimum
-from vtbook.panel_chart import BOX, axes, stored
 from vtbook.plots import COLOURS
 from vtbook.stages import STAGES, Method, Number, learners
 from vtlab.envs.base import TaskFamily
@@ -54,7 +53,6 @@ class Preset:
 
 CURVATURES = 4  # runs that tell the curvature
 FAMILIES = {"GVT": "GVT", "1-MGVT": "MGVT", "trust": "Trust"}
-NAMES = {"trust": "Trust"}
 
 THESIS = Preset("thesis’ settings", "", {"psi": 0.5, "components": 1})
 
@@ -67,7 +65,7 @@ def mean_curves(runs: Mapping[str, Dataset], until: int) -> list[dict[str, Any]]
     curves = []
     for label, runs_of in runs.items():
         mean = runs_of.learning.sel(iteration=slice(None, until)).mean("run")
-        source = f"{NAMES.get(label, label)} from ten sources"
+        source = f"{label.replace('trust', 'Trust')} from ten sources"
         curves.append(
             {
                 "label": f"{source}, mean of {runs_of.sizes['run']} runs",
@@ -99,7 +97,7 @@ def train_here(
     """
     family = experiment.family
     stage, code = STAGES[family.kernel], page_module(family.kernel).read_bytes()
-    pools = [quantised(weights(e.pool), stage.weights) for e in (experiment, other) if e]
+    pools = [quantised(weights(e.pool)) for e in (experiment, other) if e]
     pool, scales = (np.concatenate(parts) for parts in zip(*pools, strict=True))
     numbers = stage.numbers[: len(task)]
     setup = {
@@ -109,25 +107,20 @@ def train_here(
         },
         "scales": [float(f"{x:.6g}") for x in scales],
         "pools": len(pools),
-        "bits": 8 * pool.itemsize,
         "weights": pool.shape[1],
         "spread": family.scale,
         "task": list(task),
         "ranges": [(number.least, number.most) for number in numbers],
-        "box": BOX,
         "limits": stage.limits,
+        "ticks": stage.ticks,
         "optima": _optima(family, len(task)),
-        "references": [
-            {key: one[key] for key in ("label", "family", "colour")} for one in references
-        ],
+        "references": list(references),
         "start": start,
         "iterations": iterations,
         "every": iterations // 200,
         "wasm": b64encode(code).decode(),
         "pool": b64encode(pool.tobytes()).decode(),
         "worker": "".join(map(lean, ("promises.js", "trainer_worker.js", *stage.workers))),
-        "experiments": [e.name for e in (experiment, other) if e],
-        "cell": CELL,
     }
     return panel(
         "trainer",
@@ -135,14 +128,11 @@ def train_here(
         stage.scripts,
         code=round(len(code) / 1e3),
         data=round(pool.nbytes / 1e3),
-        bits=8 * pool.itemsize,
         changes=stage.changes,
         note=stage.note if FROM_MEAN in experiment.algorithms else "",
         arrival=stage.arrival,
         last=len(pools) - 1,
         presets="".join(preset.button for preset in presets),
-        axes=axes(stage.limits, stage.ticks, iterations),
-        references=stored(references, stage.limits, iterations),
         stage=_scene(family.kernel, numbers, task),
     )
 
@@ -151,6 +141,15 @@ def train_here(
 def _optima(family: TaskFamily, numbers: int) -> list[float]:
     landmarks = STAGES[family.kernel].landmarks
     return [round(optimum(family, task[:numbers]), 3) for task in landmarks]
+
+
+def optimum(family: TaskFamily, task: Sequence[float]) -> float:
+    """Best mean discounted return that an episode of a task, told by its numbers, can earn."""
+    drawn: Any = family.draw_tasks("optimum", [0])
+    parts = {name: getattr(drawn, name) for name in drawn.parameters}
+    numbers = torch.tensor(task).split([part.numel() for part in parts.values()])
+    changed = {name: x.view_as(parts[name]) for name, x in zip(parts, numbers, strict=True)}
+    return float(family.optimum(evolve(drawn, **changed))[0])
 
 
 def _scene(kernel: str, numbers: Sequence[Number], task: Sequence[float]) -> str:
@@ -176,13 +175,10 @@ def _slider(number: Number, value: float) -> str:
     )
 
 
-def quantised(
-    sources: np.ndarray, kind: type[np.signedinteger[Any]]
-) -> tuple[np.ndarray, np.ndarray]:
-    """Weights (S, d) as little-endian integers of a kind, and the scale (S,) of each source."""
-    scales = np.abs(sources).max(1) / np.iinfo(kind).max
-    integers = np.round(sources / scales[:, None]).astype(kind)
-    return integers.astype(integers.dtype.newbyteorder("<")), scales
+def quantised(sources: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Weights (S, d) as little-endian integers of 16 bits, and the scale (S,) of each source."""
+    scales = np.abs(sources).max(1) / np.iinfo(np.int16).max
+    return np.round(sources / scales[:, None]).astype("<i2"), scales
 
 
 def _settings(name: str, method: Method, kernel: str) -> dict[str, Any]:

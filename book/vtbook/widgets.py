@@ -1,7 +1,6 @@
 """Sliders for lambda, psi and the posterior: over pictures drawn beforehand, and live."""
 
 import functools
-import threading
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -13,8 +12,8 @@ from xarray import Dataset
 
 from vtbook import plots
 from vtbook.experiments.grids import POSTERIORS, PSIS, slider_settings, slider_thesis
-from vtbook.plots import Curve, image_html, learning_figure, look, power_of_ten, small_picture
-from vtbook.rerun import NEW, first_runs
+from vtbook.plots import Curve, figure_html, learning_figure, look, power_of_ten
+from vtbook.rerun import NEW, Arrays, first_runs, interruptible
 from vtlab.experiment import Experiment
 from vtlib.transfer import Settings
 
@@ -99,98 +98,69 @@ def _slider(axis: Axis) -> ui.SelectionSlider:
     )
 
 
-class LivePanel:
-    """Train with chosen parameters and draw the new curve over stored ones, in JupyterLab.
+def live_panel(
+    experiment: Experiment,
+    weights: np.ndarray,
+    stored: Mapping[str, Dataset],
+    runs: int = 5,
+    iterations: int = 3_000,
+) -> ui.VBox:
+    """Sliders and a button that trains with their values and draws the curve over stored ones.
 
     The other parameters are those of the experiment's GVT and 1-MGVT; weights (count, d) are those
-    of its pool; stored are returns by algorithm. ``widget`` is what to display.
-    ``run`` starts the training in a thread of its own and ``stop`` ends it at the next evaluation;
-    what was learned until then is drawn.
+    of its pool; stored are returns by algorithm. The kernel's interrupt ends the training, and what
+    was learned until then is drawn.
     """
+    thesis = slider_thesis(experiment)
+    sliders = [_slider(axis) for axis in parameter_axes(thesis, LAMBDAS)]
+    numbers = [
+        _number("runs", 2, runs, experiment.runs),
+        _number("sources", 1, experiment.sources, experiment.sources),
+        _number("iterations", 200, iterations, experiment.iterations),
+    ]
+    button = ui.Button(description="Run", button_style="primary")
+    says, picture = ui.Label(), ui.HTML(layout=full())
 
-    def __init__(
-        self,
-        experiment: Experiment,
-        weights: np.ndarray,
-        stored: Mapping[str, Dataset],
-        runs: int = 5,
-        iterations: int = 3_000,
-    ) -> None:
-        self._experiment, self._weights = experiment, weights
-        self._thesis = slider_thesis(experiment)
-        self._stored, self._optimum = plots.panels(stored), plots.mean_optimum(stored)
-        axes = parameter_axes(self._thesis, LAMBDAS)
-        self._axes = [_slider(axis) for axis in axes]
-        self._runs = _number("runs", 2, runs, experiment.runs)
-        self._sources = _number("sources", 1, experiment.sources, experiment.sources)
-        self._iterations = _number("iterations", 200, iterations, experiment.iterations)
-        self._run = ui.Button(description="Run", button_style="primary")
-        self._stop = ui.Button(description="Stop", disabled=True)
-        self._bar = ui.IntProgress(0, 0, iterations, description="progress")
-        self._says = ui.Label()
-        self._picture = ui.HTML(layout=full())
-        self._halt = threading.Event()
-        self._thread: threading.Thread | None = None
-        self._run.on_click(lambda _: self.run())
-        self._stop.on_click(lambda _: self.stop())
-        numbers = ui.HBox([self._runs, self._sources, self._iterations, self._run, self._stop])
-        self.widget = ui.VBox([*self._axes, numbers, self._bar, self._says, self._picture])
-        self._draw()
-
-    def run(self) -> None:
-        """Start training with the panel's values, unless it is training."""
-        if self._thread is not None and self._thread.is_alive():
-            return
-        self._halt.clear()
-        self._bar.max, self._bar.value = self._iterations.value, 0
-        self._run.disabled, self._stop.disabled, self._says.value = True, False, "training"
-        self._thread = threading.Thread(target=self._train, daemon=True)
-        self._thread.start()
-
-    def stop(self) -> None:
-        """End the training at its next evaluation."""
-        self._halt.set()
-
-    def wait(self) -> None:
-        """Return when the training has ended."""
-        if self._thread is not None:
-            self._thread.join()
-
-    def _train(self) -> None:
-        try:
-            setting = [slider.value for slider in self._axes]
-            live = evolve(
-                self._experiment,
-                algorithms={"live": slider_settings(self._thesis, *setting)},
-                counts={"live": self._sources.value},
-            )
-            size = self._runs.value, self._iterations.value
-            arrays = first_runs(live, "live", *size, self._weights, self._progress)
-            label, at = f"{setting[-1]}, just now", arrays["iterations"]
-            self._draw([Curve(label, at, arrays[kind], NEW) for kind in plots.KINDS.values()])
-            self._says.value = f"{'stopped' if self._halt.is_set() else 'done'} at {at[-1]:,}"
-        except Exception as error:  # nobody else would see it: this is a thread of its own
-            self._says.value = str(error)
-        finally:
-            self._run.disabled, self._stop.disabled = False, True
-
-    def _progress(self, iteration: int) -> bool:
-        self._bar.value = iteration
-        return not self._halt.is_set()
-
-    def _draw(self, new: Sequence[Curve] = ()) -> None:
-        """Draw the stored curves, and in each panel a new one, up to where that ends."""
-        stored = self._stored.items()
-        end = new[0].iterations[-1] if new else self._experiment.iterations
-        panels = {
-            title: [*(curve.until(end) for curve in curves), *new[i : i + 1]]
-            for i, (title, curves) in enumerate(stored)
-        }
+    def draw(end: int, label: str = "", new: Arrays | None = None) -> None:
+        """Draw the stored curves up to an iteration, and in each panel a new one."""
+        panels = plots.panels({x: one.sel(iteration=slice(end)) for x, one in stored.items()})
+        if new:
+            for title, kind in plots.KINDS.items():
+                panels[title].append(Curve(label, new["iterations"], new[kind], NEW))
         with look():
-            limits = self._experiment.family.limits
-            picture = small_picture(learning_figure(panels, self._optimum, limits))
-        labels = ", ".join(curve.label for curve in next(iter(panels.values())))
-        self._picture.value = image_html(picture, f"Learning and greedy return of {labels}.")
+            limits = experiment.family.limits
+            figure = learning_figure(panels, plots.mean_optimum(stored), limits)
+            labels = ", ".join(filter(None, [*stored, label]))
+            picture.value = figure_html(figure, f"Learning and greedy return of {labels}.")
+
+    def train(_: ui.Button) -> None:
+        setting = [slider.value for slider in sliders]
+        count, sources, length = (number.value for number in numbers)
+        button.disabled = True
+        try:
+            live = evolve(
+                experiment,
+                algorithms={"live": slider_settings(thesis, *setting)},
+                counts={"live": sources},
+            )
+            with interruptible() as stopped:
+
+                def progress(iteration: int) -> bool:
+                    says.value = f"training, {iteration:,}"
+                    return not stopped.is_set()
+
+                new = first_runs(live, "live", count, length, weights, progress)
+            end = int(new["iterations"][-1])
+            draw(end, f"{setting[-1]}, just now", new)
+            says.value = f"{'stopped' if stopped.is_set() else 'done'} at {end:,}"
+        except Exception as error:  # what a button does has no cell that would show it
+            says.value = str(error)
+        finally:
+            button.disabled = False
+
+    button.on_click(train)
+    draw(experiment.iterations)
+    return ui.VBox([*sliders, ui.HBox([*numbers, button]), says, picture])
 
 
 def _number(name: str, least: int, value: int, most: int) -> ui.BoundedIntText:

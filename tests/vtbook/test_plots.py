@@ -127,21 +127,3 @@ def test_runs_are_drawn_over_the_published_curves():
         np.testing.assert_array_equal(dashed.get_data(), [theirs.iterations, theirs.mean])
         np.testing.assert_allclose(mean.get_ydata(), stored[kind].values.mean(0))
         assert spans(shades(ax)[0], theirs.iterations, theirs.low, theirs.high)
-
-
-def test_intervals_stand_below_each_other_and_beside_the_first_with_every_run():
-    rng = np.random.default_rng(0)
-    groups = {
-        "GVT": {"as it is": rng.random(5), "without": rng.random(4)},
-        "1-MGVT": {"as it is": rng.random(3)},
-    }
-    figure = plots.intervals_figure(groups, "share", COLOURS)
-    for ax, (label, group) in zip(figure.axes, groups.items(), strict=True):
-        assert ax.get_title(loc="left") == label
-        assert [x.get_text() for x in ax.get_yticklabels()] == list(group)
-        *parts, mark = ax.get_lines()
-        bands = [mean_interval(x) for x in group.values()]
-        assert [x.get_xdata().tolist() for x in parts[::3]] == [x.tolist() for x in group.values()]
-        spans = [x.get_xdata().tolist() for x in parts[1::3]]
-        assert spans == [[band.low, band.high] for band in bands]
-        assert set(mark.get_xdata()) == {group["as it is"].mean()}

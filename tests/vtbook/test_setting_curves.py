@@ -31,12 +31,11 @@ def frame():
 
 def test_a_picture_has_its_curve_where_the_axes_of_its_frame_say(frame):
     stored = runs(0.4)
-    svg = ElementTree.fromstring(frame.picture(stored, "λ < 1", "its words"))
+    svg = ElementTree.fromstring(frame.picture(stored, "its words"))
     assert svg.attrib["aria-label"] == "its words"
-    assert (svg.find("text").text, svg.find("use").attrib["href"]) == ("λ < 1", "#a-frame")
+    assert svg.find("use").attrib["href"] == "#a-frame"
     band, line, dots = svg.findall("path")
-    steps = re.findall(r"-?\d*\.?\d+", line.attrib["d"])
-    at = np.cumsum(np.array(steps, float).reshape(-1, 2), 0)
+    at = np.array(re.findall(r"[\d.]+", line.attrib["d"]), float).reshape(-1, 2)
     mean = mean_interval(stored.learning.values).centre
     # the same affine map takes iterations and returns to points, with returns upwards
     x = np.polyfit(stored.iteration.values, at[:, 0], 1)

@@ -53,7 +53,7 @@ def test_each_place_of_the_sliders_shows_its_own_runs_with_words_true_of_them(pi
     assert (list(references), own.stored.name) == (["NT"], "3-MGVT-lambda-1e-04-psi-1")
     mine, theirs = Runs(runs(0.2)), Runs(runs(0.4))
     end, gap = mine.share(300), mine.gain_until(theirs, 300)
-    assert words.startswith("<img><p>")
+    assert words.startswith("<img><p>λ = 10⁻⁴, ψ = 1, 3-MGVT. After")
     assert f"After 300 iterations: {end.centre:.0%} ({end.low:.0%} to {end.high:.0%})" in words
     assert f"Averaged over the run, {gap.centre:+.0%}".replace("-", "−") in words
     assert words.endswith("worse, and both λ and ψ have moved.</p>")

@@ -1,6 +1,6 @@
 """The live panel: it trains, stops and recovers."""
 
-import threading
+import signal
 from unittest.mock import Mock
 
 import numpy as np
@@ -15,7 +15,7 @@ from vtbook.experiments.mountain_car import CAR
 from vtbook.experiments.protocols import transfer_settings
 from vtbook.experiments.rooms import ROOMS_EVALUATION_EQUATIONS
 from vtbook.page import Page
-from vtbook.widgets import LivePanel
+from vtbook.widgets import live_panel
 from vtlab.workers import processors
 
 TINY = evolve(ROOMS_EVALUATION_EQUATIONS, runs=3, sources=2, iterations=400, every=100)
@@ -24,27 +24,23 @@ WEIGHTS = 0.1 * np.random.default_rng(0).random((50, TINY.family.q().d), dtype=n
 
 
 def panel_of(experiment=TINY):
-    """A panel over stored curves of two algorithms, and its parts."""
+    """A panel over stored curves of two algorithms: its sliders, and its other parts."""
     curve = ("run", "iteration"), np.random.default_rng(0).random((3, 4)) * 0.5
     data = {"learning": curve, "greedy": curve, "optimum": ("run", np.ones(3))}
     stored = Dataset(data, {"iteration": np.arange(100, 500, 100)})
-    panel = LivePanel(experiment, WEIGHTS, {"NT": stored, "GVT": stored}, runs=2, iterations=200)
-    return panel, parts_of(panel)
+    return parts_of(live_panel(experiment, WEIGHTS, {"NT": stored, "GVT": stored}, 2, 200))
 
 
 def parts_of(panel):
-    """The parts of a panel by their words or kinds."""
-    above = panel.widget.children
-    below = [part for whole in above for part in getattr(whole, "children", ())]
-    each = (*above, *below)
-    return {getattr(x, "description", "") or type(x).__name__: x for x in each}
+    """The sliders of a panel, and its other parts by their words or kinds."""
+    *sliders, below, says, picture = panel.children
+    return sliders, {x.description: x for x in below.children} | {"says": says, "picture": picture}
 
 
-def trained(panel, parts):
+def trained(parts):
     parts["Run"].click()
-    panel.wait()
-    assert (parts["Run"].disabled, parts["Stop"].disabled) == (False, True)
-    return parts["Label"].value
+    assert not parts["Run"].disabled
+    return parts["says"].value
 
 
 def quick(experiment, label, runs, *_, **__):
@@ -53,28 +49,28 @@ def quick(experiment, label, runs, *_, **__):
     return {"iterations": at} | dict.fromkeys(("learning", "greedy"), np.ones((len(runs), len(at))))
 
 
-def test_a_panel_shows_what_is_stored_then_trains_and_draws_until_it_is_stopped(monkeypatch):
-    gate, real = threading.Event(), rerun.run_batch
-    late = Mock(side_effect=lambda *call, **how: gate.wait(30) and real(*call, **how))
-    monkeypatch.setattr(rerun, "run_batch", late)
+def test_a_panel_shows_what_is_stored_then_trains_and_draws_until_it_is_interrupted(monkeypatch):
+    inner, interrupted = rerun.run_batch, []
+
+    def made(experiment, label, runs, weights, progress, **how):
+        def once(t):
+            assert parts["Run"].disabled
+            if not interrupted:
+                interrupted.append(t)
+                signal.raise_signal(signal.SIGINT)
+            return progress(t)
+
+        return inner(experiment, label, runs, weights, once, **how)
+
+    monkeypatch.setattr(rerun, "run_batch", made)
     figures = Mock(wraps=widgets.learning_figure)
     monkeypatch.setattr(widgets, "learning_figure", figures)
-    panel, parts = panel_of()
-    says, bar, before = parts["Label"], parts["progress"], parts["HTML"].value
-    panel.wait()
+    _, parts = panel_of()
+    before = parts["picture"].value
     assert before.startswith('<img alt="Learning and greedy return of NT, GVT.')
-    assert (says.value, parts["Stop"].disabled) == ("", True)
-    parts["Run"].click()
-    assert says.value == "training"
-    assert (parts["Run"].disabled, parts["Stop"].disabled) == (True, False)
-    panel.run()  # a second one during the first is ignored
-    parts["Stop"].click()
-    gate.set()
-    panel.wait()
-    assert says.value == "stopped at 100"
-    assert trained(panel, parts) == "done at 200"
-    assert bar.value == bar.max == 200
-    assert parts["HTML"].value != before
+    assert trained(parts) == "stopped at 100"
+    assert trained(parts) == "done at 200"
+    assert parts["picture"].value != before
     for number, call in enumerate(figures.call_args_list[1:], 1):
         for curves in call.args[0].values():
             assert [one.label for one in curves] == ["NT", "GVT", "1-MGVT, just now"]
@@ -85,37 +81,34 @@ def test_a_panel_shows_what_is_stored_then_trains_and_draws_until_it_is_stopped(
 def test_a_panel_trains_what_its_sliders_say_on_the_stored_random_numbers(monkeypatch):
     asked = Mock(side_effect=quick)
     monkeypatch.setattr(rerun, "run_batch", asked)
-    panel, parts = panel_of(evolve(TINY, counts={"1-MGVT": 1}))
-    for slider, value in zip(panel.widget.children, (1e-4, 0.0, "2-MGVT"), strict=False):
+    sliders, parts = panel_of(evolve(TINY, counts={"1-MGVT": 1}))
+    for slider, value in zip(sliders, (1e-4, 0.0, "2-MGVT"), strict=True):
         slider.value = value
     parts["sources"].value = 1
-    trained(panel, parts)
-    trained(panel, parts)
-    for call in asked.call_args_list:
-        experiment, label, runs, given, _ = call.args
-        assert call.kwargs == {"threads": processors()}
-        assert experiment.algorithms == {label: evolve(MGVT, lambda_=1e-4, psi=0.0, components=2)}
-        assert (experiment.sources_of(label), experiment.iterations) == (1, 200)
-        assert (experiment.stream, list(runs)) == (TINY.stream, [0, 1])
-        assert given is WEIGHTS
-    assert "of NT, GVT, 2-MGVT, just now." in parts["HTML"].value
+    trained(parts)
+    experiment, label, runs, given, _ = asked.call_args.args
+    assert asked.call_args.kwargs == {"threads": processors()}
+    assert experiment.algorithms == {label: evolve(MGVT, lambda_=1e-4, psi=0.0, components=2)}
+    assert (experiment.sources_of(label), experiment.iterations) == (1, 200)
+    assert (experiment.stream, list(runs)) == (TINY.stream, [0, 1])
+    assert given is WEIGHTS
+    assert "of NT, GVT, 2-MGVT, just now." in parts["picture"].value
 
 
 def test_any_error_is_shown_and_the_next_training_runs(monkeypatch):
-    panel, parts = panel_of(evolve(TINY, every=300))
-    before = parts["HTML"].value
-    assert "every must be" in trained(panel, parts)
+    _, parts = panel_of(evolve(TINY, every=300))
+    before = parts["picture"].value
+    assert "every must be" in trained(parts)
+    assert parts["picture"].value == before
     parts["iterations"].value = 300
-    assert parts["HTML"].value == before
     monkeypatch.setattr(rerun, "run_batch", quick)
-    assert trained(panel, parts) == "done at 300"
+    assert trained(parts) == "done at 300"
 
 
 @pytest.mark.parametrize("experiment", [CARTPOLE, CAR, MAZE_TARGETS[MAIN]])
 def test_a_panel_trains_in_the_other_environments_too(experiment):
     page = Page(experiment)
     beside = {"DDQN": page.runs["DDQN"]}
-    panel = LivePanel(page.experiment, page.weights, beside, runs=1, iterations=200)
-    parts = parts_of(panel)
-    assert trained(panel, parts) == "done at 200"
-    assert "of DDQN, 1-MGVT, just now." in parts["HTML"].value
+    _, parts = parts_of(live_panel(page.experiment, page.weights, beside, runs=1, iterations=200))
+    assert trained(parts) == "done at 200"
+    assert "of DDQN, 1-MGVT, just now." in parts["picture"].value

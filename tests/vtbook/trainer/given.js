@@ -23,5 +23,5 @@ const worker = read(["promises.js", "trainer_worker.js", "stage_rooms_worker.js"
 const { states, arrives } = panel.STAGE;
 module.exports = {
   STATIC, panel, worker, setup: { ...given, states, arrives },
-  pool: given.bits === 8 ? new Int8Array(bytes.buffer) : new Int16Array(bytes.buffer),
+  pool: new Int16Array(bytes.buffer),
 };
