@@ -34,6 +34,7 @@ METHOD     := $(wildcard $(patsubst vtlib/%.py,tests/test_%.py,$(wildcard vtlib/
 
 # What a user has set for other work changes nothing here, and nothing is written outside this folder.
 unexport PYTHONPATH PYTHONHOME PYTHONSTARTUP MPLBACKEND MATPLOTLIBRC
+unexport PIP_TARGET PIP_PREFIX PIP_CONSTRAINT
 export PYTHONNOUSERSITE := 1
 export PYDEVD_DISABLE_FILE_VALIDATION := 1
 export IPYTHONDIR := $(CURDIR)/_build/home/ipython
