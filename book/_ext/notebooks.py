@@ -2,7 +2,7 @@
 
 A notebook's text is plain Markdown with the page's numbers, references and captions filled in, and
 its cells have the outputs of the build, so that it reads as the page does wherever notebooks are
-shown, and before anything has run. What the page folds is folded. Pages without cells become text.
+shown, and before anything has run. What the page folds is folded.
 ``lab.py`` copies them to the folder where a reader changes them; no notebook is ever written back.
 """
 
@@ -27,17 +27,11 @@ from sphinx.util.docutils import new_document
 ROOT = Path(__file__).resolve().parents[2]
 FOLDER = "_sources/notebooks"  # of the built book
 NEEDS = (
-    "A page of *Variational Transfer of Value Functions*, with the outputs of the built book. "
-    "Its cells run where `vtlib` is installed from a checkout, whose stored runs they read: "
+    "A page of *Variational Transfer of Value Functions*, with the outputs of the built book. Its "
+    "cells run in `make lab`, and wherever `pip install -e . -e book` has installed a checkout of "
+    "the repository, whose stored runs they read."
 )
-BY_HAND = NEEDS + "clone the repository and run `pip install -e . -e book` there, or `make lab`."
-BY_ITSELF = NEEDS + "the next cell installs one if there is none."
-INSTALL = """import importlib.util
-
-if importlib.util.find_spec("vtbook") is None:
-    vtlib, vtbook = "git+{address}#egg=vtlib", "git+{address}#egg=vtbook&subdirectory=book"
-    %pip install --quiet --editable "$vtlib" --editable "$vtbook"
-    print("Installed. Now choose Kernel, Restart Kernel.")"""
+KERNEL = {"kernelspec": {"display_name": "Python 3", "language": "python", "name": "python3"}}
 GLUE = re.compile(r"^from myst_nb import glue$", re.MULTILINE)
 # A page's prose takes its numbers from glue. A notebook has no such prose and prints the numbers.
 PRINT = '''def glue(name, value, display=False):
@@ -60,8 +54,7 @@ def file_name(env: Any, docname: str) -> str:
     parts = [f"{part:02d}" if isinstance(part, int) else part for part in number]
     stem = docname.rpartition("/")[2]
     before = ".".join(parts) or ("00" if docname == env.config.root_doc else "Z")
-    suffix = "ipynb" if NbMetadataCollector.get_exec_data(env, docname) else "md"
-    return f"{before}-{stem}.{suffix}"
+    return f"{before}-{stem}.ipynb"
 
 
 def filling(app: Any, docname: str, values: Mapping[str, str]) -> Filling:
@@ -152,38 +145,23 @@ def code_cells(cell: NotebookNode, filled: Filling) -> Iterator[NotebookNode]:
         yield nbformat.v4.new_markdown_cell(plain(text, filled))
 
 
-def needs(address: str) -> list[NotebookNode]:
-    """The first cells, which say what a notebook needs and, from an address, install it."""
-    needed = {"metadata": {"tags": ["needs"]}}
-    text = nbformat.v4.new_markdown_cell(BY_ITSELF if address else BY_HAND, **needed)
-    code = nbformat.v4.new_code_cell(INSTALL.format(address=address), **needed)
-    return [text, code] if address else [text]
-
-
-def notebook(app: Any, docname: str, page: NotebookNode) -> NotebookNode:
+def notebook(app: Any, docname: str) -> NotebookNode:
     """A page and its outputs as a notebook that needs vtlib and what vtlib needs, no more."""
-    address = app.config.html_theme_options.get("repository_url", "")
-    result = nbformat.v4.new_notebook(metadata={"kernelspec": page.metadata["kernelspec"]})
-    if "widgets" in page.metadata:
-        result.metadata["widgets"] = page.metadata["widgets"]
-    result.cells = needs(address)
+    page, v4 = executed(app, docname), nbformat.v4
+    cells = [v4.new_markdown_cell(NEEDS)] if page else []
+    if page is None:  # one without cells
+        text = Path(app.env.doc2path(docname)).read_text(encoding="utf-8")
+        page = v4.new_notebook(metadata=KERNEL, cells=[v4.new_markdown_cell(text)])
     filled, sections = filling(app, docname, numbers_of(page)), section_numbers(app.env, docname)
     for cell in page.cells:
         if cell.cell_type == "code":
-            result.cells += code_cells(cell, filled)
+            cells += code_cells(cell, filled)
         elif text := plain(numbered(cell.source, sections), filled):
-            result.cells.append(nbformat.v4.new_markdown_cell(text))
-    for index, cell in enumerate(result.cells):
+            cells.append(v4.new_markdown_cell(text))
+    for index, cell in enumerate(cells):
         cell.id = f"cell-{index}"  # the same file from the same page
-    return result
-
-
-def text_page(app: Any, docname: str) -> str:
-    """A page without cells as plain Markdown."""
-    source = Path(app.env.doc2path(docname)).read_text(encoding="utf-8")
-    text = re.sub(r"\A---\n.*?\n---\n", "", source, flags=re.DOTALL)
-    text = numbered(text, section_numbers(app.env, docname))
-    return plain(text, filling(app, docname, {})) + "\n"
+    kept = {x: page.metadata[x] for x in ("kernelspec", "widgets") if x in page.metadata}
+    return v4.new_notebook(metadata=kept, cells=cells)
 
 
 def in_words(seconds: float) -> str:
@@ -231,12 +209,8 @@ def write_notebook(app: Any, docname: str, template: str, context: dict, doctree
     name = file_name(app.env, docname)
     out = Path(app.outdir) / FOLDER / name
     out.parent.mkdir(parents=True, exist_ok=True)
-    page = executed(app, docname)
-    if page is None:
-        out.write_text(text_page(app, docname), encoding="utf-8")
-    else:
-        nbformat.write(notebook(app, docname, page), out)
-        context["ipynb_source"] = f"{FOLDER.partition('/')[2]}/{name}"
+    nbformat.write(notebook(app, docname), out)
+    context["ipynb_source"] = f"{FOLDER.partition('/')[2]}/{name}"
 
 
 def setup(app: Any) -> dict[str, Any]:
