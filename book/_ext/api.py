@@ -10,7 +10,6 @@ import re
 from collections.abc import Iterator
 from typing import Any
 
-import attrs
 from equations import EQUATIONS, formulas
 
 FORMULAS = formulas()
@@ -42,15 +41,10 @@ def read_docstring(
 
 
 def write_defaults(
-    app: Any, what: str, name: str, obj: Any, options: Any, signature: str, returns: str
-) -> tuple[str, str] | None:
-    """Name the defaults of an attrs class, whose generated code looks them up."""
-    if not (what == "class" and attrs.has(obj) and signature):
-        return None
-    fields = attrs.fields_dict(obj)
-    generated = re.compile(r"attr_dict\['(\w+)'\]\.default")
-    signature = generated.sub(lambda match: repr(fields[match[1]].default), signature)
-    return signature.replace("= NOTHING", "= ..."), returns
+    app: Any, what: str, name: str, obj: Any, options: Any, signature: str | None, returns: str
+) -> tuple[str | None, str]:
+    """Write a default that attrs makes anew for each object as dots."""
+    return signature and signature.replace("= NOTHING", "= ..."), returns
 
 
 def skip_field(app: Any, what: str, name: str, obj: Any, skip: bool, options: Any) -> bool | None:

@@ -43,9 +43,9 @@ FOLDED = {"remove-cell", "hide-cell", "remove-input", "hide-input"}
 HEADING = re.compile(r"^```.*?^```$|^(#+ )", re.DOTALL | re.MULTILINE)  # or code, which has none
 
 
-def is_page(path: Path) -> bool:
-    """Whether a source is one that a reader opens in JupyterLab; the reference is no such page."""
-    return path.suffix == ".md" and not path.stem.startswith(("api", "references"))
+def is_page(docname: str) -> bool:
+    """Whether a page is one that a reader opens in JupyterLab; the reference is no such page."""
+    return not docname.endswith(("/api", "/references"))
 
 
 def file_name(env: Any, docname: str) -> str:
@@ -59,23 +59,17 @@ def file_name(env: Any, docname: str) -> str:
 
 def filling(app: Any, docname: str, values: Mapping[str, str]) -> Filling:
     """What the book knows that a page's source only names."""
-    env, config = app.env, app.config
-    labels = env.get_domain("std").anonlabels
-    equations = env.get_domain("math").equations
+    env, formats = app.env, app.config.numfig_format
     references = {
         node.rawsource.strip(":"): node
         for node in env.get_doctree(docname).findall(addnodes.pending_xref)
     }
 
     def number(label: str) -> str:
-        if label in equations:
-            where = equations[label][0]
-            parts = env.toc_fignumbers[where]["displaymath"][f"equation-{label}"]
-            return ".".join(map(str, parts))
-        where, label, *_ = labels[label]
-        for kind, numbers in env.toc_fignumbers.get(where, {}).items():
-            if label in numbers:
-                return config.numfig_format[kind] % ".".join(map(str, numbers[label]))
+        for kinds in env.toc_fignumbers.values():
+            for kind, numbers in kinds.items():
+                for name in {label, f"equation-{label}"} & numbers.keys():
+                    return formats.get(kind, "%s") % ".".join(map(str, numbers[name]))
         raise ValueError(f"{docname} names {label!r}, which has no number")
 
     def link(role: str, content: str) -> str:
@@ -86,14 +80,14 @@ def filling(app: Any, docname: str, values: Mapping[str, str]) -> Filling:
         document += node.deepcopy()
         env.resolve_references(document, docname, app.builder)
         to = f"{docname.rpartition('/')[0]}/{node['reftarget']}"
-        if node["reftype"] == "doc" and is_page(Path(env.doc2path(to))):
+        if node["reftype"] == "doc" and is_page(to):
             return f"[{document.astext()}]({file_name(env, to)})"
         return document.astext()
 
     def read(path: str) -> str:
         return (Path(env.doc2path(docname)).parent / path).read_text(encoding="utf-8")
 
-    return Filling(link, number, read, config.mathjax3_config["tex"]["macros"])
+    return Filling(link, number, read, app.config.mathjax3_config["tex"]["macros"])
 
 
 def numbers_of(page: NotebookNode) -> dict[str, str]:
@@ -202,9 +196,7 @@ def add_note(app: Any, doctree: nodes.document, docname: str) -> None:
 
 def write_notebook(app: Any, docname: str, template: str, context: dict, doctree: Any) -> None:
     """Put the notebook into the built book, where the theme's download button looks for it."""
-    if app.builder.format != "html" or docname not in app.env.found_docs:
-        return
-    if not is_page(Path(app.env.doc2path(docname))):
+    if doctree is None or not is_page(docname):  # one that Sphinx makes is no document
         return
     name = file_name(app.env, docname)
     out = Path(app.outdir) / FOLDER / name

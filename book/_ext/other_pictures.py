@@ -32,7 +32,7 @@ def pictures(app: Any, docname: str) -> dict[str, dict[str, str]]:
 
 def offer(app: Any, docname: str, template: str, context: dict[str, Any], doctree: Any) -> None:
     """Write what a page's figures have drawn for others, and name it beside their pictures."""
-    if app.builder.format != "html" or docname not in app.env.found_docs:
+    if doctree is None:  # a page that Sphinx makes has no figures
         return
     drawings, images = pictures(app, docname), Path(app.outdir) / "_images"
     images.mkdir(exist_ok=True)

@@ -67,16 +67,19 @@ def install(python: str, *arguments: str) -> None:
 
 def book(python: str) -> bool:
     """Install what the book needs, and the packages of this checkout in place."""
-    say("1 of 3: PyTorch, the build without CUDA")
+    print("--> 1 of 3: PyTorch, the build without CUDA", flush=True)
     pinned = (ROOT / "requirements.txt").read_text(encoding="utf-8")
     torch = re.findall(r"^torch==\S+", pinned, re.MULTILINE)
     quick = ("--retries=1", "--timeout=30", "--no-deps", f"--index-url={CPU_TORCH}")
     silent = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
     if not pip(python, *quick, *torch, **silent):
         print("    PyTorch's own index does not give it: the ordinary build is larger")
-    say("2 of 3: everything else, at the versions and with the digests of requirements.txt")
+    print(
+        "--> 2 of 3: everything else, at the versions and with the digests of requirements.txt",
+        flush=True,
+    )
     install(python, "--require-hashes", "-r", str(ROOT / "requirements.txt"))
-    say("3 of 3: vtlib and the pages' package, in place")
+    print("--> 3 of 3: vtlib and the pages' package, in place", flush=True)
     packages = ("-e", str(ROOT), "-e", str(ROOT / "book"))
     install(python, "--no-deps", "--no-build-isolation", *packages)
     return True
@@ -84,23 +87,18 @@ def book(python: str) -> bool:
 
 def checks(python: str) -> bool:
     """Install linters, test tools and drivers of browsers."""
-    say("what the checks need, with the digests of requirements-checks.txt")
+    print("--> what the checks need, with the digests of requirements-checks.txt", flush=True)
     install(python, "--require-hashes", "-r", str(ROOT / "requirements-checks.txt"))
     return True
 
 
 def kernels(python: str) -> bool:
     """Compile the loops in C++; False where torch will have to compute instead, which is said."""
-    say("and the loops in C++, compiled for this machine: a minute or two")
+    print("--> and the loops in C++, compiled for this machine: a minute or two", flush=True)
     return run(python, "-m", "vtlab.native")
 
 
 STEPS = {"book": book, "kernels": kernels, "checks": checks}
-
-
-def say(line: str) -> None:
-    """Tell at once what comes next."""
-    print(f"--> {line}", flush=True)
 
 
 def digest(patterns: tuple[str, ...]) -> str:
