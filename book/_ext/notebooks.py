@@ -8,10 +8,9 @@ shown, and before anything has run. What the page folds is folded.
 
 from __future__ import annotations
 
-import ast
 import math
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -20,11 +19,8 @@ from docutils import nodes
 from in_parallel import executed
 from myst_nb.sphinx_ import NbMetadataCollector
 from nbformat import NotebookNode
-from plain_markdown import Filling, caption, plain
-from sphinx import addnodes
-from sphinx.util.docutils import new_document
+from plain_markdown import Filling, caption, file_name, is_page, plain
 
-ROOT = Path(__file__).resolve().parents[2]
 FOLDER = "_sources/notebooks"  # of the built book
 NEEDS = (
     "A page of *Variational Transfer of Value Functions*, with the outputs of the built book. Its "
@@ -38,66 +34,8 @@ PRINT = '''def glue(name, value, display=False):
     """Show a number that the text of the page has from here."""
     print(f"{name}: {value}")'''
 STARTING = 6.0  # seconds that a kernel needs to import what pages import
-RECORDED = "application/papermill.record/text/plain"  # the type of a number for the prose
 FOLDED = {"remove-cell", "hide-cell", "remove-input", "hide-input"}
 HEADING = re.compile(r"^```.*?^```$|^(#+ )", re.DOTALL | re.MULTILINE)  # or code, which has none
-
-
-def is_page(docname: str) -> bool:
-    """Whether a page is one that a reader opens in JupyterLab; the reference is no such page."""
-    return not docname.endswith(("/api", "/references"))
-
-
-def file_name(env: Any, docname: str) -> str:
-    """The notebook's name, by which a list of files has the book's order: 06.08-mazes.ipynb."""
-    number = env.toc_secnumbers.get(docname, {}).get("", ())
-    parts = [f"{part:02d}" if isinstance(part, int) else part for part in number]
-    stem = docname.rpartition("/")[2]
-    before = ".".join(parts) or ("00" if docname == env.config.root_doc else "Z")
-    return f"{before}-{stem}.ipynb"
-
-
-def filling(app: Any, docname: str, values: Mapping[str, str]) -> Filling:
-    """What the book knows that a page's source only names."""
-    env, formats = app.env, app.config.numfig_format
-    references = {
-        node.rawsource.strip(":"): node
-        for node in env.get_doctree(docname).findall(addnodes.pending_xref)
-    }
-
-    def number(label: str) -> str:
-        for kinds in env.toc_fignumbers.values():
-            for kind, numbers in kinds.items():
-                for name in {label, f"equation-{label}"} & numbers.keys():
-                    return formats.get(kind, "%s") % ".".join(map(str, numbers[name]))
-        raise ValueError(f"{docname} names {label!r}, which has no number")
-
-    def link(role: str, content: str) -> str:
-        if role == "glue:text":
-            return values[content]
-        node = references[f"{role}:`{content}`"]
-        document = new_document("reference")
-        document += node.deepcopy()
-        env.resolve_references(document, docname, app.builder)
-        to = f"{docname.rpartition('/')[0]}/{node['reftarget']}"
-        if node["reftype"] == "doc" and is_page(to):
-            return f"[{document.astext()}]({file_name(env, to)})"
-        return document.astext()
-
-    def read(path: str) -> str:
-        return (Path(env.doc2path(docname)).parent / path).read_text(encoding="utf-8")
-
-    return Filling(link, number, read, app.config.mathjax3_config["tex"]["macros"])
-
-
-def numbers_of(page: NotebookNode) -> dict[str, str]:
-    """The texts that cells have glued for the prose, by their names."""
-    return {
-        output.metadata["scrapbook"]["name"]: ast.literal_eval(output.data[RECORDED])
-        for cell in page.cells
-        for output in cell.get("outputs", ())
-        if RECORDED in output.get("data", ())
-    }
 
 
 def numbered(text: str, sections: Iterator[str]) -> str:
@@ -146,7 +84,7 @@ def notebook(app: Any, docname: str) -> NotebookNode:
     if page is None:  # one without cells
         text = Path(app.env.doc2path(docname)).read_text(encoding="utf-8")
         page = v4.new_notebook(metadata=KERNEL, cells=[v4.new_markdown_cell(text)])
-    filled, sections = filling(app, docname, numbers_of(page)), section_numbers(app.env, docname)
+    filled, sections = Filling(app, docname, page), section_numbers(app.env, docname)
     for cell in page.cells:
         if cell.cell_type == "code":
             cells += code_cells(cell, filled)
