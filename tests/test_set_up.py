@@ -37,7 +37,7 @@ def setting_up(extension, tmp_path, monkeypatch):
         module.set_up(venv, parts)
         return commands
 
-    return SimpleNamespace(do=set_up, root=tmp_path, broken=broken, failed=module.Failed)
+    return SimpleNamespace(do=set_up, root=tmp_path, broken=broken)
 
 
 def test_only_what_is_missing_or_has_changed_is_done(setting_up):
@@ -66,7 +66,7 @@ def test_an_environment_that_was_copied_interrupted_or_broken_is_made_anew(setti
 
 def test_a_folder_that_is_no_environment_is_left_alone(setting_up):
     (setting_up.root / ".venv").mkdir()
-    with pytest.raises(setting_up.failed, match="is no Python environment"):
+    with pytest.raises(SystemExit, match="is no Python environment"):
         setting_up.do("book")
 
 
@@ -75,7 +75,7 @@ def test_a_folder_that_is_no_environment_is_left_alone(setting_up):
 )
 def test_what_fails_is_named_and_the_next_command_tries_again(setting_up, broken, named):
     setting_up.broken.append(broken)
-    with pytest.raises(setting_up.failed, match=named):
+    with pytest.raises(SystemExit, match=named):
         setting_up.do("book")
     setting_up.broken.clear()
     assert "-m venv" in setting_up.do("book")[0]

@@ -39,7 +39,6 @@ def build(fresh: bool, results: Path | None, online: bool = False) -> int:
     if fresh or (folder / "failed").exists():
         for part in ("html", ".doctrees"):
             shutil.rmtree(folder / part, ignore_errors=True)
-    folder.mkdir(exist_ok=True)
     (folder / "failed").touch()
     print("--> Pages", flush=True)
     command = [sys.executable, "-c", TOOL, "build", ".", "-W", "-n", "--keep-going"]

@@ -36,9 +36,9 @@ PACKAGES = {
 }
 
 
-def present(vendor: Path = VENDOR) -> bool:
+def present() -> bool:
     """Whether the scripts of these very versions are already there."""
-    stamp = vendor / "fetched"
+    stamp = VENDOR / "fetched"
     return stamp.is_file() and stamp.read_text() == str(PACKAGES)
 
 
@@ -54,31 +54,28 @@ def download(archive: str, sha512: str) -> bytes:
 
 
 def unpack(archive: bytes, keep: str, target: Path) -> None:
-    """Write the wanted files of an archive below ``target``, without the wrapping folders."""
+    """Write the wanted files of an archive below ``target``."""
     with tarfile.open(fileobj=io.BytesIO(archive)) as tar:
-        for member in tar.getmembers():
-            if member.isfile() and re.fullmatch(f"package/(?:{keep})", member.name):
-                path = target / re.sub(r"^package/(dist/|es5/)?", "", member.name)
-                path.parent.mkdir(parents=True, exist_ok=True)
-                path.write_bytes(tar.extractfile(member).read())
+        wanted = [x for x in tar if x.isfile() and re.fullmatch(f"package/(?:{keep})", x.name)]
+        tar.extractall(target, wanted)
 
 
-def fetch(vendor: Path = VENDOR) -> None:
+def fetch() -> None:
     """Put the scripts in place unless they are; raises ``OSError`` without a network."""
-    if present(vendor):
+    if present():
         return
     archives = {name: download(*pinned) for name, (*pinned, _) in PACKAGES.items()}
-    shutil.rmtree(vendor, ignore_errors=True)
+    shutil.rmtree(VENDOR, ignore_errors=True)
     for name, archive in archives.items():
-        unpack(archive, PACKAGES[name][2], vendor / name)
-    (vendor / "fetched").write_text(str(PACKAGES))
+        unpack(archive, PACKAGES[name][2], VENDOR / name)
+    (VENDOR / "fetched").write_text(str(PACKAGES))
 
 
 def use_local_assets(app: Any, config: Any) -> None:
     """Replace the public addresses that Sphinx and myst-nb would write into the pages."""
     if present():
-        config.mathjax_path = "vendor/mathjax/tex-svg.js"
-        config.nb_ipywidgets_js = {"vendor/html-manager/embed.js": {}}
+        config.mathjax_path = "vendor/mathjax/package/es5/tex-svg.js"
+        config.nb_ipywidgets_js = {"vendor/html-manager/package/dist/embed.js": {}}
 
 
 def setup(app: Any) -> dict[str, Any]:

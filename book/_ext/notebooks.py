@@ -28,7 +28,6 @@ NEEDS = (
     "the repository, whose stored runs they read."
 )
 KERNEL = {"kernelspec": {"display_name": "Python 3", "language": "python", "name": "python3"}}
-GLUE = re.compile(r"^from myst_nb import glue$", re.MULTILINE)
 # A page's prose takes its numbers from glue. A notebook has no such prose and prints the numbers.
 PRINT = '''def glue(name, value, display=False):
     """Show a number that the text of the page has from here."""
@@ -64,13 +63,12 @@ def code_cells(cell: NotebookNode, filled: Filling) -> Iterator[NotebookNode]:
     tags = set(cell.metadata.pop("tags", ()))
     figure = cell.metadata.pop("mystnb", {}).get("figure", {})
     cell.metadata = nbformat.from_dict({})
-    cell.source = GLUE.sub(PRINT, cell.source)
+    cell.source = cell.source.replace("from myst_nb import glue", PRINT)
     cell.outputs = [] if "remove-output" in tags else shown_outputs(cell)
     if tags & FOLDED:
-        cell.metadata["jupyter"] = {"source_hidden": True}
-    if tags & {"remove-cell", "hide-cell"} or (tags & FOLDED and not cell.outputs):
-        # The prose has the numbers already.
-        cell.metadata["jupyter"] |= {"outputs_hidden": True}
+        # Of a cell without outputs the prose has the numbers already.
+        hidden = bool(tags & {"remove-cell", "hide-cell"}) or not cell.outputs
+        cell.metadata["jupyter"] = {"source_hidden": True, "outputs_hidden": hidden}
     yield cell
     if figure:
         text = caption(figure["name"], " ".join(figure["caption"].split()), filled)
@@ -90,18 +88,8 @@ def notebook(app: Any, docname: str) -> NotebookNode:
             cells += code_cells(cell, filled)
         elif text := plain(numbered(cell.source, sections), filled):
             cells.append(v4.new_markdown_cell(text))
-    for index, cell in enumerate(cells):
-        cell.id = f"cell-{index}"  # the same file from the same page
     kept = {x: page.metadata[x] for x in ("kernelspec", "widgets") if x in page.metadata}
     return v4.new_notebook(metadata=kept, cells=cells)
-
-
-def in_words(seconds: float) -> str:
-    """A page's duration in words, with the time that a kernel takes to start."""
-    whole = seconds + STARTING
-    if whole < 90:
-        return f"{10 * math.ceil(whole / 10)} seconds"
-    return f"{math.ceil(whole / 60)} minutes"
 
 
 def online(address: str, name: str) -> dict[str, str]:
@@ -122,7 +110,9 @@ def add_note(app: Any, doctree: nodes.document, docname: str) -> None:
     if not data or data.get("runtime") is None or title is None:
         return
     note = nodes.paragraph(classes=["page-note"])
-    note += nodes.Text(f"Takes about {in_words(data['runtime'])} to run as a ")
+    seconds = 10 * math.ceil((data["runtime"] + STARTING) / 10)
+    words = f"{seconds} seconds" if seconds < 90 else f"{math.ceil(seconds / 60)} minutes"
+    note += nodes.Text(f"Takes about {words} to run as a ")
     name = file_name(app.env, docname)
     to = f"{'../' * docname.count('/')}{FOLDER}/{name}"
     note += nodes.reference("", "notebook", refuri=to, internal=False)

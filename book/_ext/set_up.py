@@ -20,20 +20,12 @@ from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).resolve().parents[2]
-STATE = "set-up.json"  # in the environment: where it was made, and of what
 CPU_TORCH = "https://download.pytorch.org/whl/cpu"
 PARTS = {  # what each is made of
     "book": ("requirements.txt", "pyproject.toml", "book/pyproject.toml"),
-    "kernels": (
-        *("vtlib/native/*.cpp", "vtlib/native/*.h", "vtlib/native/build.py"),
-        *("book/vtlab/native/*.cpp", "book/vtlab/native/*.h"),
-    ),
+    "kernels": ("vtlib/native/*.*", "book/vtlab/native/*.*"),
     "checks": ("requirements-checks.txt",),
 }
-
-
-class Failed(RuntimeError):
-    """A part could not be set up; the text says which."""
 
 
 def run(*command: str, **streams: Any) -> bool:
@@ -44,10 +36,10 @@ def run(*command: str, **streams: Any) -> bool:
 def create(folder: Path) -> None:
     """Make an environment with pip, in place of one that is broken or was made elsewhere."""
     if folder.exists() and not (folder / "pyvenv.cfg").exists():
-        raise Failed(f"{folder} is no Python environment: remove it, or name another VENV")
+        raise SystemExit(f"{folder} is no Python environment: remove it, or name another VENV")
     print(f"==> Setting up {folder} (once): about 2 minutes, 1.5 GB", flush=True)
     if not run(sys.executable, "-m", "venv", "--clear", str(folder)):
-        raise Failed(
+        raise SystemExit(
             f"{sys.executable} cannot make an environment with pip: it needs the modules venv and "
             "ensurepip (on Debian: apt install python3.11-venv)"
         )
@@ -60,9 +52,9 @@ def pip(python: str, *arguments: str, **streams: Any) -> bool:
 
 
 def install(python: str, *arguments: str) -> None:
-    """Install what the arguments say; raises Failed below pip's own words."""
+    """Install what the arguments say; ends the program below pip's own words."""
     if not pip(python, *arguments):
-        raise Failed(f"pip could not install {arguments[-1]}")
+        raise SystemExit(f"pip could not install {arguments[-1]}")
 
 
 def book(python: str) -> bool:
@@ -71,13 +63,9 @@ def book(python: str) -> bool:
     pinned = (ROOT / "requirements.txt").read_text(encoding="utf-8")
     torch = re.findall(r"^torch==\S+", pinned, re.MULTILINE)
     quick = ("--retries=1", "--timeout=30", "--no-deps", f"--index-url={CPU_TORCH}")
-    silent = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
-    if not pip(python, *quick, *torch, **silent):
+    if not pip(python, *quick, *torch, capture_output=True):
         print("    PyTorch's own index does not give it: the ordinary build is larger")
-    print(
-        "--> 2 of 3: everything else, at the versions and with the digests of requirements.txt",
-        flush=True,
-    )
+    print("--> 2 of 3: everything else, with the digests of requirements.txt", flush=True)
     install(python, "--require-hashes", "-r", str(ROOT / "requirements.txt"))
     print("--> 3 of 3: vtlib and the pages' package, in place", flush=True)
     packages = ("-e", str(ROOT), "-e", str(ROOT / "book"))
@@ -122,10 +110,10 @@ def alone(lock: Path, work: str) -> Iterator[None]:
 
 
 def set_up(folder: Path, parts: tuple[str, ...]) -> None:
-    """Do what is missing of some parts, in their order; raises Failed."""
-    python, done = folder / "bin" / "python", {}
+    """Do what is missing of some parts, in their order, by a note of what was done of what."""
+    note, python, done = folder / "set-up.json", folder / "bin" / "python", {}
     with contextlib.suppress(OSError, ValueError):
-        done = json.loads((folder / STATE).read_text())
+        done = json.loads(note.read_text())
     if done.get("folder") != str(folder) or not python.exists():
         create(folder)
         done = {"folder": str(folder)}
@@ -133,27 +121,23 @@ def set_up(folder: Path, parts: tuple[str, ...]) -> None:
         made_of = digest(PARTS[part])
         if done.get(part) != made_of and STEPS[part](str(python)):
             done[part] = made_of
-            (folder / STATE).write_text(json.dumps(done))
+            note.write_text(json.dumps(done))
 
 
-def main(folder: str, *parts: str) -> int:
+def main(folder: str, *parts: str) -> None:
     """Command line."""
     if sys.version_info[:2] != (3, 11):
-        print(f"Python 3.11 is needed, and {sys.executable} is {sys.version.split()[0]}:")
-        print("make PYTHON=/path/to/python3.11 book")
-        return 1
+        raise SystemExit(
+            f"Python 3.11 is needed, and {sys.executable} is {sys.version.split()[0]}:\n"
+            "make PYTHON=/path/to/python3.11 book"
+        )
     (ROOT / "_build" / "home").mkdir(parents=True, exist_ok=True)  # for what tools write at home
     try:
         with alone(ROOT / "_build" / "set-up.lock", "sets up the environment"):
             set_up(Path(os.path.abspath(folder)), parts)
-    except Failed as error:
-        print(error)
-        return 1
     except KeyboardInterrupt:
-        print("Interrupted: the same command goes on.")
-        return 130
-    return 0
+        raise SystemExit("Interrupted: the same command goes on.") from None
 
 
 if __name__ == "__main__":
-    raise SystemExit(main(*sys.argv[1:]))
+    main(*sys.argv[1:])
