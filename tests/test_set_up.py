@@ -1,14 +1,11 @@
 """Setting up: what is missing is done, what is broken is made anew, and failures are named."""
 
 import json
-import subprocess
-import sys
-from pathlib import Path
+from concurrent.futures import ThreadPoolExecutor
 from types import SimpleNamespace
 
 import pytest
 
-EXTENSIONS = Path(__file__).resolve().parents[1] / "book" / "_ext"
 FILES = "requirements.txt", "requirements-checks.txt", "vtlib/native/posterior.cpp"
 
 
@@ -89,17 +86,17 @@ def test_pytorchs_own_index_and_kernels_can_be_done_without(setting_up):
     assert "vtlab.native" in kernels
 
 
-def test_two_commands_wait_for_each_other(tmp_path):
-    code = "import sys; from set_up import alone\nwith alone(__import__('pathlib').Path("
-    code += f"{str(tmp_path / 'folder' / 'lock')!r}), 'works'): print('in', flush=True); input()"
-    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "text": True, "cwd": EXTENSIONS}
-    with (
-        subprocess.Popen([sys.executable, "-c", code], **pipes) as first,
-        subprocess.Popen([sys.executable, "-c", "input()\n" + code], **pipes) as second,
-    ):
-        assert first.stdout.readline() == "in\n"
-        second.stdin.write("\n\n")
-        second.stdin.flush()
-        assert second.stdout.readline().startswith("==> Another command works: waiting for it")
-        first.communicate("\n")
-        assert second.stdout.readline() == "in\n"
+def test_two_commands_wait_for_each_other(extension, tmp_path, capsys):
+    alone, lock = extension("set_up").alone, tmp_path / "folder" / "lock"
+
+    def work():
+        with alone(lock, "works"):
+            return True
+
+    with ThreadPoolExecutor() as threads:
+        with alone(lock, "works"):
+            second = threads.submit(work)
+            with pytest.raises(TimeoutError):
+                second.result(0.5)
+        assert second.result()
+    assert capsys.readouterr().out.startswith("==> Another command works: waiting for it")
