@@ -32,6 +32,7 @@ METHOD     := $(wildcard $(patsubst vtlib/%.py,tests/test_%.py,$(wildcard vtlib/
 
 # What a user has set for other work changes nothing here, and nothing is written outside this folder.
 unexport PYTHONPATH PYTHONHOME PYTHONSTARTUP MPLBACKEND MATPLOTLIBRC
+unexport PIP_TARGET PIP_PREFIX PIP_CONSTRAINT
 export PYTHONNOUSERSITE := 1
 export PYDEVD_DISABLE_FILE_VALIDATION := 1
 export IPYTHONDIR := $(CURDIR)/_build/home/ipython
@@ -101,7 +102,7 @@ reproduce: set-up
 
 # The library alone: the book's tools are pinned. What is deprecated there is no error here.
 CPU_TORCH   := https://download.pytorch.org/whl/cpu
-OF_THE_BOOK := $(addprefix tests/test_,$(addsuffix .py,assets book browser ceilings cells firefox lab notebooks pages reading set_up wheel))
+OF_THE_BOOK := $(addprefix tests/test_,$(addsuffix .py,assets book browser ceilings lab notebooks pages reading set_up wheel))
 oldest newest: OTHER = _build/venv-$@
 oldest newest: export OMP_NUM_THREADS := 1
 oldest newest:

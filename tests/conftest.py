@@ -4,7 +4,6 @@ import ast
 import contextlib
 import fcntl
 import functools
-import http.server
 import importlib
 import os
 import re
@@ -12,7 +11,6 @@ import shutil
 import signal
 import subprocess
 import sys
-import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -36,7 +34,6 @@ BUILT = "VTLIB_BOOK_HTML"
 FIRST = "gw0"  # of the processes that share the tests; it starts the build
 LONGEST = "test_lab.py", "test_trainer_in_browser.py", "test_pages.py"
 LOG, STATUS, GROUP = (ROOT / "_build" / f"test-build.{x}" for x in ("log", "status", "group"))
-BUILD_LIMIT = 1800  # seconds
 PATIENCE = 180_000  # milliseconds that a page may take on a busy machine
 CELL = re.compile(r"```\{code-cell\}[^\n]*\n(?:---\n(.*?)\n---\n)?(.*?)```", re.DOTALL)
 
@@ -47,13 +44,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     Of these the longest begin, or the last one would run while other processes have no more to do.
     """
     files = {item.path for item in items if needs_book(item)}
-    packages = {ROOT / "tests" / name for name in ("vtlab", "vtbook")}
-
-    def place(item: pytest.Item) -> tuple[bool, int, bool]:
-        rank = [*LONGEST, item.path.name].index(item.path.name)
-        return item.path in files, rank, bool(packages & {*item.path.parents})
-
-    items.sort(key=place)
+    items.sort(key=lambda item: (item.path in files, item.path.name not in LONGEST))
 
 
 def pytest_collection_finish(session: pytest.Session) -> None:
@@ -158,9 +149,7 @@ def build_faults() -> list[str]:
     """What the build of the book complained about, one line each; empty for a clean build."""
     if BUILT in os.environ:
         return []
-    until = time.monotonic() + BUILD_LIMIT
     while not (STATUS.exists() and (status := STATUS.read_text().strip())):
-        assert time.monotonic() < until, "the book takes too long to build"
         time.sleep(0.5)
     if status == "0":
         return []
@@ -184,22 +173,6 @@ def vendored(book):
     """Skip what needs the browser scripts where the build could not fetch them and has said so."""
     if not (book / "_static" / "vendor" / "fetched").exists():
         pytest.skip("browser scripts could not be fetched: pages load them from public servers")
-
-
-@pytest.fixture(scope="session")
-def address(book: Path):
-    """Address of the book on a local web server, without a slash at the end."""
-
-    class Quiet(http.server.SimpleHTTPRequestHandler):
-        def log_message(self, *_):
-            """Requests are not worth a line."""
-
-    handler = functools.partial(Quiet, directory=str(book))
-    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
-        server.daemon_threads = True
-        threading.Thread(target=server.serve_forever, daemon=True).start()
-        yield f"http://127.0.0.1:{server.server_port}"
-        server.shutdown()
 
 
 @pytest.fixture(scope="session")

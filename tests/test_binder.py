@@ -32,8 +32,6 @@ def test_an_image_is_set_up_from_nothing(book, tmp_path):
     assert done.returncode == 0, done.stdout[-3000:] + done.stderr[-3000:]
     notebooks = sorted(x.name for x in (checkout / "notebooks").iterdir())
     assert "00-index.ipynb" in notebooks
-    settings = tmp_path / ".jupyter" / "labconfig" / "default_setting_overrides.json"
-    assert "Markdown Preview" in settings.read_text()
     code = "import vtlib, vtbook; print(vtlib.__file__)"
     elsewhere = {"cwd": tmp_path, "capture_output": True, "text": True}
     where = subprocess.run(["python", "-c", code], env=kept | own, **elsewhere)

@@ -89,9 +89,9 @@ def test_the_race_plays_by_itself_pauses_and_is_scrubbed(visit, page):
         assert text.removeprefix("goal reached ") in label
 
 
-def test_the_race_stands_still_at_its_end_for_those_who_want_no_motion(address, page):
+def test_the_race_stands_still_at_its_end_for_those_who_want_no_motion(visit, page):
     page.emulate_media(reduced_motion="reduce")
-    page.goto(f"{address}/book/index.html", wait_until="load")
+    visit("book/index.html")
     page.locator(".race button").scroll_into_view_if_needed()
     page.wait_for_timeout(500)
     assert page.evaluate(STEP) == 5000
@@ -128,9 +128,9 @@ def test_robots_walk_through_mazes_and_follow_what_is_chosen(visit, page):
     assert panel.locator("figure:visible").count() == 5
 
 
-def test_the_corridor_is_drawn_acted_and_updated_by_keys(address, page):
+def test_the_corridor_is_drawn_acted_and_updated_by_keys(visit, page):
     page.emulate_media(reduced_motion="reduce")
-    page.goto(f"{address}/book/introduction.html", wait_until="load")
+    visit("book/introduction.html")
     band = page.locator(".corridor polygon")
     before, said = band.get_attribute("points"), page.locator(".corridor .said")
     for button in ("update", "draw", "act"):  # the first has nothing to learn from
@@ -143,8 +143,8 @@ def test_the_corridor_is_drawn_acted_and_updated_by_keys(address, page):
     assert band.get_attribute("points") == before
 
 
-def test_claims_are_filtered_by_verdict_and_page(address, page):
-    page.goto(f"{address}/book/scorecard.html", wait_until="load")
+def test_claims_are_filtered_by_verdict_and_page(visit, page):
+    visit("book/scorecard.html")
     shown, count = page.locator(".scorecard li:visible"), page.locator(".scorecard output")
     assert count.inner_text() == f"{shown.count()} claims"
     first = shown.count()  # those that are not reproduced

@@ -13,10 +13,9 @@ import os
 import shutil
 import subprocess
 import sys
-import time
 from pathlib import Path
 
-from fetch_assets import AssetsUnavailable, fetch
+from fetch_assets import fetch
 from set_up import alone
 
 # Not the script beside Python: in a copied environment that belongs to the one it was copied from.
@@ -24,34 +23,22 @@ TOOL = "from jupyter_book.cli.main import main; main()"
 ROOT = Path(__file__).resolve().parents[2]
 
 
-def have_assets(online: bool) -> bool:
-    """Fetch the browser scripts; where that fails, whether the book is wanted all the same."""
+def build(fresh: bool, results: Path | None, online: bool = False) -> int:
+    """Run Jupyter Book over the root; returns its exit status, non-zero on any warning."""
     print("--> Browser scripts (MathJax, sliders)", flush=True)
     try:
         fetch()
-        return True
-    except AssetsUnavailable as error:
-        print(f"    {error}.")
-    if online:
-        print("    As was asked for, pages load them from public servers when read.", flush=True)
-    else:
-        print(
-            "    Without them pages would ask public servers for MathJax and the sliders' script."
-        )
-        print("    Go on line and build again, or allow it for this build:")
-        print("    make book ONLINE=yes", flush=True)
-    return online
-
-
-def build(fresh: bool, results: Path | None, online: bool = False) -> int:
-    """Run Jupyter Book over the root; returns its exit status, non-zero on any warning."""
-    if not have_assets(online):
-        return 1
+    except OSError as error:
+        print(f"    They cannot be fetched: {error}.")
+        print("    Without them pages ask public servers for MathJax and the sliders' script.")
+        if not online:
+            raise SystemExit(
+                "    Go on line and build again, or allow it for this build: make book ONLINE=yes"
+            ) from None
     folder = (results or ROOT) / "_build"
     if fresh or (folder / "failed").exists():
         for part in ("html", ".doctrees"):
             shutil.rmtree(folder / part, ignore_errors=True)
-    folder.mkdir(exist_ok=True)
     (folder / "failed").touch()
     print("--> Pages", flush=True)
     command = [sys.executable, "-c", TOOL, "build", ".", "-W", "-n", "--keep-going"]
@@ -76,21 +63,17 @@ def main() -> int:
     arguments = parser.parse_args()
     results = arguments.results and arguments.results.resolve()
     html = (results or ROOT) / "_build" / "html"
-    begin = time.monotonic()
     try:
         with alone(html.parent / "book.lock", "builds or tests the book"):
             status = build(arguments.fresh, results, arguments.online)
     except KeyboardInterrupt:
         print("Interrupted: the same command goes on with the pages that have not run.")
         return 130
-    if status and not (html.parent / "failed").exists():
-        print("The book was not built.")
-    elif status:
+    if status:
         print("The book has warnings or failing pages, listed above; tracebacks of cells are under")
         print(f"{html / 'reports'}.")
     else:
-        seconds = time.monotonic() - begin
-        print(f"==> Built in {seconds:.0f} s. Open {html / 'index.html'} in a browser.")
+        print(f"==> Built. Open {html / 'index.html'} in a browser.")
     return status
 
 

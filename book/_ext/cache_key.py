@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+import re
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
@@ -17,11 +18,11 @@ from typing import Any
 
 ROOT = Path(__file__).resolve().parents[2]
 READ = {".py", ".cpp", ".h", ".wasm", ".js", ".css", ".html", ".txt", ".csv", ".npz", ".json"}
+HIDDEN = re.compile(r"(^|/)(\.[^./]|__pycache__)")
 
 
-def dependencies(root: Path) -> Iterator[Path]:
-    """Files that decide a page's outputs beside its own cells, in a fixed order."""
-    yield root / "requirements.txt"
+def dependencies(root: Path) -> Iterator[tuple[str, Path]]:
+    """Files that decide a page's outputs beside its own cells, with their names from the root."""
     results = Path(os.environ.get("VTLIB_RESULTS", root / "book" / "results"))
     static = root / "book" / "_static"
     kinds = "trainer", "stage", "player", "race", "walks", "corridor", "scorecard"
@@ -29,21 +30,18 @@ def dependencies(root: Path) -> Iterator[Path]:
     # the guide's results are always the book's
     names = "vtlib", "book/vtlab", "book/vtbook", "book/published", "book/results/guide"
     code = (path for name in names for path in (root / name).rglob("*"))
-    for path in sorted({*code, *results.rglob("*"), *panels}):
-        below = path.relative_to(root if path.is_relative_to(root) else results).parts
-        hidden = any(part.startswith((".", "__pycache__")) for part in below)
-        if path.suffix in READ and not hidden:
-            yield path
+    for path in sorted({root / "requirements.txt", *code, *results.rglob("*"), *panels}):
+        name = os.path.relpath(path, root)
+        if path.suffix in READ and not HIDDEN.search(name):
+            yield name, path
 
 
 def cache_key(root: Path = ROOT) -> str:
     """Sixteen hexadecimal digits naming the state of the files that the pages depend on."""
     digest = hashlib.sha256()
-    for path in dependencies(root):
-        content = path.read_bytes() if path.exists() else b""
-        name = path.relative_to(root) if path.is_relative_to(root) else path
-        digest.update(f"{name.as_posix()}\0{len(content)}\0".encode())
-        digest.update(content)
+    for name, path in dependencies(root):
+        content = path.read_bytes()
+        digest.update(f"{name}\0{len(content)}\0".encode() + content)
     return digest.hexdigest()[:16]
 
 

@@ -62,25 +62,19 @@ def add_code_lines(app: Any, doctree: nodes.document) -> None:
             block.parent.insert(block.parent.index(block) + 1, line)
 
 
-def found(name: str) -> Any:
-    """What the code has of this name, if anything."""
+def home(name: str) -> str | None:
+    """Where the code defines what has this name, and not where it is passed on."""
     try:
-        return pkgutil.resolve_name(name)
+        thing = pkgutil.resolve_name(name)
     except (AttributeError, ImportError):
         return None
-
-
-def home(name: str) -> str:
-    """The name under which a thing is documented: where it is defined, not passed on."""
-    thing = found(name)
-    defined = getattr(thing, "__module__", None), getattr(thing, "__qualname__", None)
-    return ".".join(defined) if all(isinstance(part, str) for part in defined) else name
+    return f"{thing.__module__}.{thing.__qualname__}" if hasattr(thing, "__qualname__") else name
 
 
 def target(objects: dict[str, Any], text: str) -> str | None:
     """The documented object that a piece of code in the text names, if any."""
     name = "Settings" if text.startswith("Settings.") else text.partition("(")[0]
-    candidates = (name, *(f"{x}.{name}" for x in ("vtlib", "vtlab", "vtlib.transfer")))
+    candidates = (f"{start}{name}" for start in ("", "vtlib.", "vtlab.", "vtlib.transfer."))
     homes = (home(x) for x in candidates if NAME.fullmatch(x))
     return next((x for x in homes if x in objects), None)
 
@@ -97,7 +91,7 @@ def link_names(app: Any, doctree: nodes.document, docname: str) -> None:
             where = place.docname, place.node_id
             link = make_refnode(app.builder, docname, *where, literal.deepcopy(), name)
             literal.replace_self(link)
-        elif NAME.fullmatch(text) and found(text) is None:
+        elif NAME.fullmatch(text) and home(text) is None:
             LOGGER.warning("the code has no %s", text, location=literal)
 
 

@@ -17,88 +17,65 @@ from pathlib import Path
 from typing import Any
 from urllib.request import urlopen
 
-from attrs import frozen
-
 VENDOR = Path(__file__).resolve().parents[1] / "_static" / "vendor"
 REGISTRY = "https://registry.npmjs.org"
 
 
-class AssetsUnavailable(RuntimeError):
-    """The browser scripts cannot be had on this machine now."""
-
-
-@frozen
-class Package:
-    """One npm package: its archive, the SHA-512 of that, and the files to keep (a pattern)."""
-
-    archive: str
-    sha512: str
-    folder: str
-    keep: str
-
-
-PACKAGES = (
-    Package(
-        archive="@jupyter-widgets/html-manager/-/html-manager-1.0.15.tgz",
-        sha512="5thBIV6ymNgmPVOHvzx+gGy8ZSKmSazhtGw4/c4xJDVzRhG9PTeQsRjF3FUTopvFi//SABeNz1yp47bCrJ3CQA==",
-        folder="html-manager",
-        keep=r"dist/(embed\.js(\.LICENSE\.txt)?|[0-9a-f]+\.woff2)|LICENSE",
+# An archive of each, its SHA-512, and the files to keep of it (a pattern).
+PACKAGES = {
+    "html-manager": (
+        "@jupyter-widgets/html-manager/-/html-manager-1.0.15.tgz",
+        "5thBIV6ymNgmPVOHvzx+gGy8ZSKmSazhtGw4/c4xJDVzRhG9PTeQsRjF3FUTopvFi//SABeNz1yp47bCrJ3CQA==",
+        r"dist/(embed\.js(\.LICENSE\.txt)?|[0-9a-f]+\.woff2)|LICENSE",
     ),
-    Package(
-        archive="mathjax/-/mathjax-3.2.2.tgz",
-        sha512="Bt+SSVU8eBG27zChVewOicYs7Xsdt40qm4+UpHyX7k0/O9NliPc+x77k1/FEsPsjKPZGJvtRZM1vO+geW0OhGw==",
-        folder="mathjax",
-        keep=r"es5/(tex-svg\.js|input/tex/extensions/[a-z0-9]+\.js)|LICENSE",
+    "mathjax": (
+        "mathjax/-/mathjax-3.2.2.tgz",
+        "Bt+SSVU8eBG27zChVewOicYs7Xsdt40qm4+UpHyX7k0/O9NliPc+x77k1/FEsPsjKPZGJvtRZM1vO+geW0OhGw==",
+        r"es5/(tex-svg\.js|input/tex/extensions/[a-z0-9]+\.js)|LICENSE",
     ),
-)
+}
 
 
-def present(vendor: Path = VENDOR) -> bool:
+def present() -> bool:
     """Whether the scripts of these very versions are already there."""
-    stamp = vendor / "fetched"
+    stamp = VENDOR / "fetched"
     return stamp.is_file() and stamp.read_text() == str(PACKAGES)
 
 
-def download(package: Package) -> bytes:
-    """A package's archive; ``ValueError`` unless it is byte for byte the one that was pinned."""
-    try:
-        with urlopen(f"{REGISTRY}/{package.archive}", timeout=60) as answer:
-            archive = answer.read()
-    except OSError as error:
-        raise AssetsUnavailable(f"{package.archive} cannot be fetched: {error}") from error
-    digest = base64.b64encode(hashlib.sha512(archive).digest()).decode()
-    if digest != package.sha512:
-        raise ValueError(f"{package.archive}: SHA-512 is {digest}, expected {package.sha512}")
-    return archive
+def download(archive: str, sha512: str) -> bytes:
+    """An archive; ``ValueError`` unless it is byte for byte the one that was pinned."""
+    print(f"    {archive}")
+    with urlopen(f"{REGISTRY}/{archive}", timeout=60) as answer:
+        content = answer.read()
+    digest = base64.b64encode(hashlib.sha512(content).digest()).decode()
+    if digest != sha512:
+        raise ValueError(f"{archive}: SHA-512 is {digest}, expected {sha512}")
+    return content
 
 
-def unpack(archive: bytes, package: Package, target: Path) -> None:
-    """Write the wanted files of an archive below ``target``, without the wrapping folders."""
-    pattern = re.compile(rf"package/(?:{package.keep})")
+def unpack(archive: bytes, keep: str, target: Path) -> None:
+    """Write the wanted files of an archive below ``target``."""
     with tarfile.open(fileobj=io.BytesIO(archive)) as tar:
-        for member in tar.getmembers():
-            if member.isfile() and pattern.fullmatch(member.name):
-                path = target / re.sub(r"^package/(dist/|es5/)?", "", member.name)
-                path.parent.mkdir(parents=True, exist_ok=True)
-                path.write_bytes(tar.extractfile(member).read())
+        wanted = [x for x in tar if x.isfile() and re.fullmatch(f"package/(?:{keep})", x.name)]
+        tar.extractall(target, wanted)
 
 
-def fetch(vendor: Path = VENDOR) -> None:
-    """Put the scripts in place unless they are; raises ``AssetsUnavailable`` where it cannot."""
-    if present(vendor):
+def fetch() -> None:
+    """Put the scripts in place unless they are; raises ``OSError`` without a network."""
+    if present():
         return
-    shutil.rmtree(vendor, ignore_errors=True)
-    for package in PACKAGES:
-        print(f"    {package.archive}")
-        unpack(download(package), package, vendor / package.folder)
-    (vendor / "fetched").write_text(str(PACKAGES))
+    archives = {name: download(*pinned) for name, (*pinned, _) in PACKAGES.items()}
+    shutil.rmtree(VENDOR, ignore_errors=True)
+    for name, archive in archives.items():
+        unpack(archive, PACKAGES[name][2], VENDOR / name)
+    (VENDOR / "fetched").write_text(str(PACKAGES))
 
 
 def use_local_assets(app: Any, config: Any) -> None:
     """Replace the public addresses that Sphinx and myst-nb would write into the pages."""
     if present():
-        config.mathjax_path = "vendor/mathjax/tex-svg.js"
-        config.nb_ipywidgets_js = {"vendor/html-manager/embed.js": {}}
+        config.mathjax_path = "vendor/mathjax/package/es5/tex-svg.js"
+        config.nb_ipywidgets_js = {"vendor/html-manager/package/dist/embed.js": {}}
 
 
 def setup(app: Any) -> dict[str, Any]:

@@ -11,11 +11,12 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import shutil
 import sys
 from pathlib import Path
 
 import nbformat
-from jupyter_core.paths import jupyter_config_dir, jupyter_data_dir
+from jupyter_core.paths import jupyter_config_dir
 from nbformat.sign import NotebookNotary
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -23,12 +24,9 @@ BUILT = ROOT / "_build" / "html" / "_sources" / "notebooks"
 FOLDER = ROOT / "notebooks"
 RECORD = ".as-built.json"  # digests of the copies' sources, by which a reader's changes are known
 FIRST = "00-index.ipynb"
-# Pages without cells open as text, names of files have room, and nobody is asked for news.
+# Names of files have room, and nobody is asked for news.
 SETTINGS = {
     "@jupyterlab/filebrowser-extension:browser": {"showLastModifiedColumn": False},
-    "@jupyterlab/docmanager-extension:plugin": {
-        "defaultViewers": {"markdown": "Markdown Preview"},
-    },
     "@jupyterlab/apputils-extension:notification": {
         "checkForUpdates": False,
         "fetchNews": "false",
@@ -42,45 +40,32 @@ def copy_pages(built: Path = BUILT, folder: Path = FOLDER) -> list[str]:
     Copies are signed, for JupyterLab shows no sliders of a notebook that it does not trust. Where
     the book is not built the program ends and says so.
     """
-    pages = sorted(built.glob("*.*"))
+    pages = sorted(built.glob("*.ipynb"))
     if not pages:
         raise SystemExit(f"no notebooks in {built}: make book builds them")
-    data = Path(jupyter_data_dir())  # where the notary keeps its key
-    for path in (folder, data):
-        path.mkdir(parents=True, exist_ok=True)
+    folder.mkdir(parents=True, exist_ok=True)
     record = folder / RECORD
     digests = json.loads(record.read_text()) if record.exists() else {}
-    notary, changed = NotebookNotary(data_dir=str(data)), []
+    notary, changed = NotebookNotary(), []
     for page in pages:
-        copy, text = folder / page.name, without_needs(page.read_text(encoding="utf-8"))
-        present = digest(copy.read_text(encoding="utf-8")) if copy.exists() else None
-        if present == digest(text):
+        copy = folder / page.name
+        present, new = digest(copy) if copy.exists() else None, digest(page)
+        if present == new:
             continue  # the reader keeps the outputs of a page that is the same
         if present not in (None, digests.get(page.name)):
             changed.append(page.name)
             continue
-        copy.write_text(text, encoding="utf-8")
-        digests[page.name] = digest(text)
-        if page.suffix == ".ipynb":
-            notary.sign(nbformat.reads(text, as_version=4))
+        shutil.copy(page, copy)
+        digests[page.name] = new
+        notary.sign(nbformat.read(copy, as_version=4))
     record.write_text(json.dumps(digests, indent=1))
     return changed
 
 
-def without_needs(page: str) -> str:
-    """A page without the cells that say what it needs, which is here."""
-    if not page.startswith("{"):
-        return page
-    notebook = nbformat.reads(page, as_version=4)
-    notebook.cells = [x for x in notebook.cells if "needs" not in x.metadata.get("tags", ())]
-    return nbformat.writes(notebook)
-
-
-def digest(page: str) -> str:
+def digest(page: Path) -> str:
     """A digest of what a reader may edit of a page: running a notebook changes only its outputs."""
-    if page.startswith("{"):
-        page = "\0".join(cell.source for cell in nbformat.reads(page, as_version=4).cells)
-    return hashlib.sha256(page.encode()).hexdigest()
+    cells = nbformat.read(page, as_version=4).cells
+    return hashlib.sha256("\0".join(cell.source for cell in cells).encode()).hexdigest()
 
 
 def write_settings() -> None:
@@ -99,8 +84,7 @@ def main(options: list[str]) -> None:
     if options != ["--copy"]:
         start = [f"--ServerApp.root_dir={FOLDER}", f"--LabApp.default_url=/lab/tree/{FIRST}"]
         # In a container one often is root, which Jupyter wants to be told.
-        root = ["--allow-root"] * (getattr(os, "geteuid", lambda: 1)() == 0)
-        command = [sys.executable, "-m", "jupyterlab", *start, *root, *options]
+        command = [sys.executable, "-m", "jupyterlab", *start, "--allow-root", *options]
         os.execv(command[0], command)
 
 

@@ -2,16 +2,15 @@
 
 A notebook's text is plain Markdown with the page's numbers, references and captions filled in, and
 its cells have the outputs of the build, so that it reads as the page does wherever notebooks are
-shown, and before anything has run. What the page folds is folded. Pages without cells become text.
+shown, and before anything has run. What the page folds is folded.
 ``lab.py`` copies them to the folder where a reader changes them; no notebook is ever written back.
 """
 
 from __future__ import annotations
 
-import ast
 import math
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -20,97 +19,22 @@ from docutils import nodes
 from in_parallel import executed
 from myst_nb.sphinx_ import NbMetadataCollector
 from nbformat import NotebookNode
-from plain_markdown import Filling, caption, plain
-from sphinx import addnodes
-from sphinx.util.docutils import new_document
+from plain_markdown import Filling, caption, file_name, is_page, plain
 
-ROOT = Path(__file__).resolve().parents[2]
 FOLDER = "_sources/notebooks"  # of the built book
 NEEDS = (
-    "A page of *Variational Transfer of Value Functions*, with the outputs of the built book. "
-    "Its cells run where `vtlib` is installed from a checkout, whose stored runs they read: "
+    "A page of *Variational Transfer of Value Functions*, with the outputs of the built book. Its "
+    "cells run in `make lab`, and wherever `pip install -e . -e book` has installed a checkout of "
+    "the repository, whose stored runs they read."
 )
-BY_HAND = NEEDS + "clone the repository and run `pip install -e . -e book` there, or `make lab`."
-BY_ITSELF = NEEDS + "the next cell installs one if there is none."
-INSTALL = """import importlib.util
-
-if importlib.util.find_spec("vtbook") is None:
-    vtlib, vtbook = "git+{address}#egg=vtlib", "git+{address}#egg=vtbook&subdirectory=book"
-    %pip install --quiet --editable "$vtlib" --editable "$vtbook"
-    print("Installed. Now choose Kernel, Restart Kernel.")"""
-GLUE = re.compile(r"^from myst_nb import glue$", re.MULTILINE)
+KERNEL = {"kernelspec": {"display_name": "Python 3", "language": "python", "name": "python3"}}
 # A page's prose takes its numbers from glue. A notebook has no such prose and prints the numbers.
 PRINT = '''def glue(name, value, display=False):
     """Show a number that the text of the page has from here."""
     print(f"{name}: {value}")'''
 STARTING = 6.0  # seconds that a kernel needs to import what pages import
-RECORDED = "application/papermill.record/text/plain"  # the type of a number for the prose
 FOLDED = {"remove-cell", "hide-cell", "remove-input", "hide-input"}
 HEADING = re.compile(r"^```.*?^```$|^(#+ )", re.DOTALL | re.MULTILINE)  # or code, which has none
-
-
-def is_page(path: Path) -> bool:
-    """Whether a source is one that a reader opens in JupyterLab; the reference is no such page."""
-    return path.suffix == ".md" and not path.stem.startswith(("api", "references"))
-
-
-def file_name(env: Any, docname: str) -> str:
-    """The notebook's name, by which a list of files has the book's order: 06.08-mazes.ipynb."""
-    number = env.toc_secnumbers.get(docname, {}).get("", ())
-    parts = [f"{part:02d}" if isinstance(part, int) else part for part in number]
-    stem = docname.rpartition("/")[2]
-    before = ".".join(parts) or ("00" if docname == env.config.root_doc else "Z")
-    suffix = "ipynb" if NbMetadataCollector.get_exec_data(env, docname) else "md"
-    return f"{before}-{stem}.{suffix}"
-
-
-def filling(app: Any, docname: str, values: Mapping[str, str]) -> Filling:
-    """What the book knows that a page's source only names."""
-    env, config = app.env, app.config
-    labels = env.get_domain("std").anonlabels
-    equations = env.get_domain("math").equations
-    references = {
-        node.rawsource.strip(":"): node
-        for node in env.get_doctree(docname).findall(addnodes.pending_xref)
-    }
-
-    def number(label: str) -> str:
-        if label in equations:
-            where = equations[label][0]
-            parts = env.toc_fignumbers[where]["displaymath"][f"equation-{label}"]
-            return ".".join(map(str, parts))
-        where, label, *_ = labels[label]
-        for kind, numbers in env.toc_fignumbers.get(where, {}).items():
-            if label in numbers:
-                return config.numfig_format[kind] % ".".join(map(str, numbers[label]))
-        raise ValueError(f"{docname} names {label!r}, which has no number")
-
-    def link(role: str, content: str) -> str:
-        if role == "glue:text":
-            return values[content]
-        node = references[f"{role}:`{content}`"]
-        document = new_document("reference")
-        document += node.deepcopy()
-        env.resolve_references(document, docname, app.builder)
-        to = f"{docname.rpartition('/')[0]}/{node['reftarget']}"
-        if node["reftype"] == "doc" and is_page(Path(env.doc2path(to))):
-            return f"[{document.astext()}]({file_name(env, to)})"
-        return document.astext()
-
-    def read(path: str) -> str:
-        return (Path(env.doc2path(docname)).parent / path).read_text(encoding="utf-8")
-
-    return Filling(link, number, read, config.mathjax3_config["tex"]["macros"])
-
-
-def numbers_of(page: NotebookNode) -> dict[str, str]:
-    """The texts that cells have glued for the prose, by their names."""
-    return {
-        output.metadata["scrapbook"]["name"]: ast.literal_eval(output.data[RECORDED])
-        for cell in page.cells
-        for output in cell.get("outputs", ())
-        if RECORDED in output.get("data", ())
-    }
 
 
 def numbered(text: str, sections: Iterator[str]) -> str:
@@ -139,59 +63,33 @@ def code_cells(cell: NotebookNode, filled: Filling) -> Iterator[NotebookNode]:
     tags = set(cell.metadata.pop("tags", ()))
     figure = cell.metadata.pop("mystnb", {}).get("figure", {})
     cell.metadata = nbformat.from_dict({})
-    cell.source = GLUE.sub(PRINT, cell.source)
+    cell.source = cell.source.replace("from myst_nb import glue", PRINT)
     cell.outputs = [] if "remove-output" in tags else shown_outputs(cell)
     if tags & FOLDED:
-        cell.metadata["jupyter"] = {"source_hidden": True}
-    if tags & {"remove-cell", "hide-cell"} or (tags & FOLDED and not cell.outputs):
-        # The prose has the numbers already.
-        cell.metadata["jupyter"] |= {"outputs_hidden": True}
+        # Of a cell without outputs the prose has the numbers already.
+        hidden = bool(tags & {"remove-cell", "hide-cell"}) or not cell.outputs
+        cell.metadata["jupyter"] = {"source_hidden": True, "outputs_hidden": hidden}
     yield cell
     if figure:
         text = caption(figure["name"], " ".join(figure["caption"].split()), filled)
         yield nbformat.v4.new_markdown_cell(plain(text, filled))
 
 
-def needs(address: str) -> list[NotebookNode]:
-    """The first cells, which say what a notebook needs and, from an address, install it."""
-    needed = {"metadata": {"tags": ["needs"]}}
-    text = nbformat.v4.new_markdown_cell(BY_ITSELF if address else BY_HAND, **needed)
-    code = nbformat.v4.new_code_cell(INSTALL.format(address=address), **needed)
-    return [text, code] if address else [text]
-
-
-def notebook(app: Any, docname: str, page: NotebookNode) -> NotebookNode:
+def notebook(app: Any, docname: str) -> NotebookNode:
     """A page and its outputs as a notebook that needs vtlib and what vtlib needs, no more."""
-    address = app.config.html_theme_options.get("repository_url", "")
-    result = nbformat.v4.new_notebook(metadata={"kernelspec": page.metadata["kernelspec"]})
-    if "widgets" in page.metadata:
-        result.metadata["widgets"] = page.metadata["widgets"]
-    result.cells = needs(address)
-    filled, sections = filling(app, docname, numbers_of(page)), section_numbers(app.env, docname)
+    page, v4 = executed(app, docname), nbformat.v4
+    cells = [v4.new_markdown_cell(NEEDS)] if page else []
+    if page is None:  # one without cells
+        text = Path(app.env.doc2path(docname)).read_text(encoding="utf-8")
+        page = v4.new_notebook(metadata=KERNEL, cells=[v4.new_markdown_cell(text)])
+    filled, sections = Filling(app, docname, page), section_numbers(app.env, docname)
     for cell in page.cells:
         if cell.cell_type == "code":
-            result.cells += code_cells(cell, filled)
+            cells += code_cells(cell, filled)
         elif text := plain(numbered(cell.source, sections), filled):
-            result.cells.append(nbformat.v4.new_markdown_cell(text))
-    for index, cell in enumerate(result.cells):
-        cell.id = f"cell-{index}"  # the same file from the same page
-    return result
-
-
-def text_page(app: Any, docname: str) -> str:
-    """A page without cells as plain Markdown."""
-    source = Path(app.env.doc2path(docname)).read_text(encoding="utf-8")
-    text = re.sub(r"\A---\n.*?\n---\n", "", source, flags=re.DOTALL)
-    text = numbered(text, section_numbers(app.env, docname))
-    return plain(text, filling(app, docname, {})) + "\n"
-
-
-def in_words(seconds: float) -> str:
-    """A page's duration in words, with the time that a kernel takes to start."""
-    whole = seconds + STARTING
-    if whole < 90:
-        return f"{10 * math.ceil(whole / 10)} seconds"
-    return f"{math.ceil(whole / 60)} minutes"
+            cells.append(v4.new_markdown_cell(text))
+    kept = {x: page.metadata[x] for x in ("kernelspec", "widgets") if x in page.metadata}
+    return v4.new_notebook(metadata=kept, cells=cells)
 
 
 def online(address: str, name: str) -> dict[str, str]:
@@ -212,7 +110,9 @@ def add_note(app: Any, doctree: nodes.document, docname: str) -> None:
     if not data or data.get("runtime") is None or title is None:
         return
     note = nodes.paragraph(classes=["page-note"])
-    note += nodes.Text(f"Takes about {in_words(data['runtime'])} to run as a ")
+    seconds = 10 * math.ceil((data["runtime"] + STARTING) / 10)
+    words = f"{seconds} seconds" if seconds < 90 else f"{math.ceil(seconds / 60)} minutes"
+    note += nodes.Text(f"Takes about {words} to run as a ")
     name = file_name(app.env, docname)
     to = f"{'../' * docname.count('/')}{FOLDER}/{name}"
     note += nodes.reference("", "notebook", refuri=to, internal=False)
@@ -224,19 +124,13 @@ def add_note(app: Any, doctree: nodes.document, docname: str) -> None:
 
 def write_notebook(app: Any, docname: str, template: str, context: dict, doctree: Any) -> None:
     """Put the notebook into the built book, where the theme's download button looks for it."""
-    if app.builder.format != "html" or docname not in app.env.found_docs:
-        return
-    if not is_page(Path(app.env.doc2path(docname))):
+    if doctree is None or not is_page(docname):  # one that Sphinx makes is no document
         return
     name = file_name(app.env, docname)
     out = Path(app.outdir) / FOLDER / name
     out.parent.mkdir(parents=True, exist_ok=True)
-    page = executed(app, docname)
-    if page is None:
-        out.write_text(text_page(app, docname), encoding="utf-8")
-    else:
-        nbformat.write(notebook(app, docname, page), out)
-        context["ipynb_source"] = f"{FOLDER.partition('/')[2]}/{name}"
+    nbformat.write(notebook(app, docname), out)
+    context["ipynb_source"] = f"{FOLDER.partition('/')[2]}/{name}"
 
 
 def setup(app: Any) -> dict[str, Any]:

@@ -21,17 +21,16 @@ def pictures(app: Any, docname: str) -> dict[str, dict[str, str]]:
     """What a page's figures have drawn beside their pictures, by the digests of these."""
     page = executed(app, docname)
     outputs = [x for cell in page.cells for x in cell.get("outputs", ())] if page else []
-    drawings = {}
-    for output in outputs:
-        if drawing := output.get("metadata", {}).get("image/png"):
-            wide = b64decode(output.data["image/png"])
-            drawings[hashlib.sha256(wide).hexdigest()] = drawing
-    return drawings
+    return {
+        hashlib.sha256(b64decode(output.data["image/png"])).hexdigest(): drawing
+        for output in outputs
+        if (drawing := output.get("metadata", {}).get("image/png"))
+    }
 
 
 def offer(app: Any, docname: str, template: str, context: dict[str, Any], doctree: Any) -> None:
     """Write what a page's figures have drawn for others, and name it beside their pictures."""
-    if app.builder.format != "html" or docname not in app.env.found_docs:
+    if doctree is None:  # a page that Sphinx makes has no figures
         return
     drawings, images = pictures(app, docname), Path(app.outdir) / "_images"
     images.mkdir(exist_ok=True)

@@ -6,10 +6,10 @@ the pages, the code of figures above all, is left out by the print style in ``_s
 
 from __future__ import annotations
 
-import argparse
 import io
 import re
 import shutil
+import sys
 from pathlib import Path
 
 from playwright.sync_api import sync_playwright
@@ -64,19 +64,5 @@ def print_pages(html: Path, target: Path) -> None:
     writer.write(target)
 
 
-def main() -> int:
-    """Command line."""
-    parser = argparse.ArgumentParser(description="Print the built book into a PDF.")
-    parser.add_argument("html", type=Path, help="folder of built pages")
-    parser.add_argument("pdf", type=Path, help="file to write")
-    arguments = parser.parse_args()
-    html = arguments.html.resolve()
-    if not (html / "index.html").is_file():
-        parser.error(f"{html} holds no built book: run make book first")
-    print_pages(html, arguments.pdf)
-    print(f"{arguments.pdf}: {arguments.pdf.stat().st_size / 1e6:.1f} MB")
-    return 0
-
-
 if __name__ == "__main__":
-    raise SystemExit(main())
+    print_pages(Path(sys.argv[1]).resolve(), Path(sys.argv[2]))

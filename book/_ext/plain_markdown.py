@@ -6,10 +6,14 @@ use; a directive or a role that it does not know is an error, so that none is le
 
 from __future__ import annotations
 
+import ast
 import re
-from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
 
-from attrs import frozen
+from nbformat import NotebookNode
+from sphinx import addnodes
+from sphinx.util.docutils import new_document
 
 FENCE = re.compile(r"^(`{3,}|:{3,})(?:\{([\w-]+)\})?(.*)$")
 OPTION = re.compile(r"^:([\w-]+):\s*(.*)$")
@@ -19,22 +23,61 @@ EQUATION = re.compile(r"^( *)\$\$ \((\S+)\)$", re.MULTILINE)
 TAG = re.compile(r"\\tag\{(eq-[\w-]+)\}")
 FORMULA = re.compile(r"(\$\$?)[^$]+\1")
 SPAN = re.compile(r"\[([^\[\]]*(?:\[[^\]]*\][^\[\]]*)*)\]\{\.in-(\d)\}", re.DOTALL)
+GLUED = "application/papermill.record/text/plain"  # the type of a number for the prose
 GAP = "&nbsp;" * 4  # by which a step of an algorithm stands to the right
 
 
-@frozen
+def is_page(docname: str) -> bool:
+    """Whether a page is one that a reader opens in JupyterLab; the reference is no such page."""
+    return not docname.endswith(("/api", "/references"))
+
+
+def file_name(env: Any, docname: str) -> str:
+    """The notebook's name, by which a list of files has the book's order: 06.08-mazes.ipynb."""
+    number = env.toc_secnumbers.get(docname, {}).get("", ())
+    parts = [f"{part:02d}" if isinstance(part, int) else part for part in number]
+    stem = docname.rpartition("/")[2]
+    before = ".".join(parts) or ("00" if docname == env.config.root_doc else "Z")
+    return f"{before}-{stem}.ipynb"
+
+
 class Filling:
-    """What a page's source leaves to the book: texts by their role and content, and numbers.
+    """What a page's source leaves to the book: numbers, texts of references, other files."""
 
-    link(role, content) tells the Markdown of a reference; number(label) tells what a figure, a
-    table, a listing or an equation is called, such as "Figure 6.2" or "5.1"; read(path) gives the
-    text of a file that the page includes; macros are those of its formulas, by name.
-    """
+    def __init__(self, app: Any, docname: str, page: NotebookNode) -> None:
+        self.app, self.env, self.docname = app, app.env, docname
+        self.folder = Path(app.env.doc2path(docname)).parent
+        self.macros = app.config.mathjax3_config["tex"]["macros"]
+        found = app.env.get_doctree(docname).findall(addnodes.pending_xref)
+        self.references = {node.rawsource.strip(":"): node for node in found}
+        self.glued = {
+            output.metadata["scrapbook"]["name"]: ast.literal_eval(output.data[GLUED])
+            for cell in page.cells
+            for output in cell.get("outputs", ())
+            if GLUED in output.get("data", ())
+        }
 
-    link: Callable[[str, str], str]
-    number: Callable[[str], str]
-    read: Callable[[str], str]
-    macros: Mapping[str, str]
+    def number(self, label: str) -> str:
+        """What a figure, a table, a listing or an equation is called: "Figure 6.2" or "5.1"."""
+        for kinds in self.env.toc_fignumbers.values():
+            for kind, numbers in kinds.items():
+                for name in {label, f"equation-{label}"} & numbers.keys():
+                    form = self.app.config.numfig_format.get(kind, "%s")
+                    return form % ".".join(map(str, numbers[name]))
+        raise ValueError(f"{self.docname} names {label!r}, which has no number")
+
+    def link(self, role: str, content: str) -> str:
+        """The Markdown of a role: a number from a cell, or a reference."""
+        if role == "glue:text":
+            return self.glued[content]
+        node = self.references[f"{role}:`{content}`"]
+        document = new_document("reference")
+        document += node.deepcopy()
+        self.env.resolve_references(document, self.docname, self.app.builder)
+        to = f"{self.docname.rpartition('/')[0]}/{node['reftarget']}"
+        if node["reftype"] == "doc" and is_page(to):
+            return f"[{document.astext()}]({file_name(self.env, to)})"
+        return document.astext()
 
 
 def plain(text: str, filling: Filling) -> str:
@@ -47,21 +90,14 @@ def plain(text: str, filling: Filling) -> str:
             parts.append(line)
             continue
         marks, name, title = fence.groups()
-        body = _until(lines, marks)
+        closing = re.compile(rf"^{marks[0]}{{{len(marks)},}}\s*$")
+        end = next(i for i, line in enumerate(lines) if closing.match(line))
+        body, lines = lines[:end], lines[end + 1 :]
         if name is None:
             parts += [line, *body, marks]
         else:
             parts.append(_directive(name, title.strip(), body, filling))
     return _inline("\n".join(parts), filling).strip("\n")
-
-
-def _until(lines: list[str], marks: str) -> list[str]:
-    """Take the lines up to the one that closes a fence, which goes with them."""
-    closing = re.compile(rf"^{marks[0]}{{{len(marks)},}}\s*$")
-    end = next(i for i, line in enumerate(lines) if closing.match(line))
-    body = lines[:end]
-    del lines[: end + 1]
-    return body
 
 
 def _directive(name: str, title: str, body: list[str], filling: Filling) -> str:
@@ -84,7 +120,8 @@ def _directive(name: str, title: str, body: list[str], filling: Filling) -> str:
         entries = [entry.split("\n", 1) for entry in re.split(r"\n\n(?=\S)", inner)]
         return "\n\n".join(f"**{term}** {' '.join(text.split())}" for term, text in entries)
     if name == "literalinclude":
-        code = f"```{options['language']}\n{filling.read(title)}```"
+        text = (filling.folder / title).read_text(encoding="utf-8")
+        code = f"```{options['language']}\n{text}```"
         return f"{caption(options['name'], options['caption'], filling)}\n\n{code}"
     raise ValueError(f"pages as notebooks do not know the directive {name!r}")
 
