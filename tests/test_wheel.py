@@ -14,10 +14,12 @@ from vtlib.native.build import CACHE
 
 pytest.importorskip("setuptools", "77")  # what pyproject.toml asks for
 ROOT = Path(__file__).resolve().parents[1]
-# A maze's iteration, and what tells whether kernels compute.
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+# The README's example with short runs, a maze's iteration, and what tells whether kernels compute.
 PROGRAM = """
 import logging
 logging.basicConfig(format="%(message)s")
+{example}
 import torch, vtlab.envs.maze, vtlab.store
 from vtlib import Settings, native
 from vtlab.episodes import Episodes
@@ -68,15 +70,28 @@ def test_it_holds_the_method_and_the_laboratory_and_no_pages(unpacked):
     assert sorted(needed) == ["attrs", "gymnasium", "numpy", "torch", "tqdm"]
 
 
-@pytest.mark.parametrize("hidden", ["", "import sys; sys.modules['ziglang'] = None"])
-def test_a_maze_runs_from_an_empty_folder_with_kernels_and_without(unpacked, tmp_path, hidden):
-    shutil.rmtree(unpacked / "vtlib" / "native" / "lib", ignore_errors=True)
-    done = python(hidden + PROGRAM, tmp_path, PYTHONPATH=str(unpacked))
+@pytest.mark.parametrize("compiler", [True, False], ids=["kernels", "no kernels"])
+def test_the_example_and_a_maze_run_from_an_empty_folder(unpacked, tmp_path, compiler):
+    (example,) = re.findall(r"```python\n(import gymnasium.*?)```", README, re.DOTALL)
+    example = re.sub(r"(iterations=|, )(?:4000|1000)\b", r"\g<1>120", example)
+    path = [str(unpacked)]
+    if not compiler:
+        hidden = tmp_path / "hidden"
+        hidden.mkdir()
+        finder = "import importlib.util as u; f = u.find_spec\n"
+        finder += "u.find_spec = lambda n, *a: None if n == 'ziglang' else f(n, *a)\n"
+        (hidden / "sitecustomize.py").write_text(finder)
+        path.insert(0, str(hidden))
+        shutil.rmtree(unpacked / "vtlib" / "native" / "lib", ignore_errors=True)
+    empty = tmp_path / "empty"
+    empty.mkdir()
+    code = PROGRAM.format(example=example)
+    done = python(code, empty, PYTHONPATH=os.pathsep.join(path))
     assert done.returncode == 0, done.stderr
-    maze, results = done.stdout.splitlines()
+    *_, maze, results = done.stdout.splitlines()
     assert maze.startswith("iterations 1 level ")
-    assert maze.endswith("None") == bool(hidden)
-    assert results == str(tmp_path.resolve() / "results")
+    assert maze.endswith("None") == (not compiler)
+    assert results == str(empty.resolve() / "results")
     lines = [x for x in done.stderr.splitlines() if "torch computes instead" in x]
-    assert len(lines) == bool(hidden)
+    assert len(lines) == (not compiler)
     assert all("pip install 'vtlib[native]'" in x for x in lines)
