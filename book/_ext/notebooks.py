@@ -50,21 +50,19 @@ def section_numbers(env: Any, docname: str) -> Iterator[str]:
         yield ".".join(map(str, number)) + " " * bool(number)
 
 
-def shown_outputs(cell: NotebookNode) -> list[NotebookNode]:
-    """The outputs that a notebook shows: no numbers for the prose, no drawings for print."""
-    outputs = [x for x in cell.outputs if "scrapbook" not in x.get("metadata", {})]
-    for output in outputs:
-        output.get("metadata", {}).pop("image/png", None)
-    return [x for x in outputs if x.output_type != "stream" or x.name != "stderr"]
-
-
 def code_cells(cell: NotebookNode, filled: Filling) -> Iterator[NotebookNode]:
     """A cell of code as a reader runs it, and below it the caption of its figure."""
     tags = set(cell.metadata.pop("tags", ()))
     figure = cell.metadata.pop("mystnb", {}).get("figure", {})
     cell.metadata = nbformat.from_dict({})
     cell.source = cell.source.replace("from myst_nb import glue", PRINT)
-    cell.outputs = [] if "remove-output" in tags else shown_outputs(cell)
+    removed = "remove-output" in tags
+    # numbers for the prose, and bars of progress, are no outputs that a notebook shows
+    cell.outputs = [
+        x
+        for x in cell.outputs
+        if not (removed or "scrapbook" in x.get("metadata", {}) or x.get("name") == "stderr")
+    ]
     if tags & FOLDED:
         # Of a cell without outputs the prose has the numbers already.
         hidden = bool(tags & {"remove-cell", "hide-cell"}) or not cell.outputs

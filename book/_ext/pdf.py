@@ -21,15 +21,8 @@ MARGIN = {"top": "18mm", "bottom": "18mm", "left": "16mm", "right": "16mm"}
 NUMBER = """<div style="font-size: 8px; text-align: center; width: 100%">
 <span class="title"></span>, <span class="pageNumber"></span></div>"""
 
-# Headings without the signs of their links, and pictures of lines and letters instead of dots.
-PREPARED = """() => {
-  document.querySelectorAll('a.headerlink').forEach(link => link.remove());
-  return Promise.all([...document.querySelectorAll('img[data-vector]')].map(image => {
-    image.width = image.naturalWidth;
-    image.src = image.dataset.vector;
-    return image.decode();
-  })).then(() => null);
-}"""
+# Headings without the signs of their links.
+PREPARED = "document.querySelectorAll('a.headerlink').forEach(link => link.remove())"
 
 
 def print_pages(html: Path, target: Path) -> None:

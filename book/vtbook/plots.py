@@ -58,7 +58,7 @@ STYLES: dict[str, LineStyleType] = {
 # Set where a figure that is cut off shall fail: in the book's build and the tests. A reader gets it
 # as it is, for it may be the result of minutes.
 CHECKED = "VTLIB_CHECK_FIGURES"
-MOST_LINES = 300_000  # characters of a figure for print that is lines and letters
+MOST_LINES = 150_000  # characters of a figure that is lines and letters
 STYLE: dict[Any, Any] = {  # by matplotlib's names of its settings
     "figure.facecolor": "white",
     "figure.dpi": 110,
@@ -81,14 +81,15 @@ STYLE: dict[Any, Any] = {  # by matplotlib's names of its settings
 class BookFigure(Figure):
     """A figure that notebooks show by itself, without a plotting backend.
 
-    Beside its picture go lines and letters for print, where they are few.
+    It is shown in lines and letters where they are few, else as a picture.
     """
 
-    def _repr_png_(self) -> tuple[bytes, dict[str, str]]:
+    def _repr_mimebundle_(self, **_: Any) -> dict[str, str | bytes]:
         raw = io.BytesIO()
         drawn(self).save(raw, format="png", dpi=2 * (STYLE["savefig.dpi"],))
         lines = self.svg()
-        return raw.getvalue(), {"vector": lines} if len(lines) <= MOST_LINES else {}
+        few = len(lines) <= MOST_LINES
+        return {"image/svg+xml": lines} if few else {"image/png": raw.getvalue()}
 
     def svg(self, letters: str = "path") -> str:
         """The figure in lines; its letters as lines, too, or "none" for the reader's own font."""
