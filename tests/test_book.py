@@ -62,15 +62,3 @@ def test_the_reference_has_all_that_the_library_offers(book):
     documented = identifiers(book / "book" / "api.html")
     offered = {f"{getattr(vtlib, name).__module__}.{name}" for name in vtlib.__all__}
     assert offered <= documented
-
-
-def test_equations_and_functions_lead_to_each_other(book):
-    reference = soup(book / "book" / "api.html")
-    for page in ("background", "method"):
-        links = soup(book / "book" / f"{page}.html").select("p.in-code a")
-        assert links
-        for link in links:
-            name = link["href"].partition("#")[2]
-            entry = reference.find(id=name).parent
-            assert entry.select(f"a[href*='{page}.html#equation-eq-']"), name
-            assert entry.select("div.math"), f"{name} shows no formula"

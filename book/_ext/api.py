@@ -1,18 +1,13 @@
 """Sphinx extension: the reference of the library, from its docstrings.
 
-Docstrings are plain text with code in backticks and become what Sphinx reads; each function is
-followed by its equations.
+Docstrings are plain text with code in backticks and become what Sphinx reads; the equations that
+they name are linked.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
 from typing import Any
-
-from equations import EQUATIONS, formulas
-
-FORMULAS = formulas()
 
 
 def inline(line: str) -> str:
@@ -25,19 +20,11 @@ def inline(line: str) -> str:
     return "".join(parts)
 
 
-def equations_of(name: str) -> Iterator[str]:
-    """Lines with the equations that a documented object computes, in the thesis' order."""
-    for label in (label for label, names in EQUATIONS.items() if name in names):
-        yield from ("", f"Equation :eq:`{label}`:", "", ".. math::", "")
-        yield from (f"   {line}" for line in FORMULAS[label].splitlines())
-    yield ""
-
-
 def read_docstring(
     app: Any, what: str, name: str, obj: Any, options: Any, lines: list[str]
 ) -> None:
-    """Convert a docstring and add its equations."""
-    lines[:] = [*map(inline, lines), *equations_of(name)]
+    """Convert a docstring."""
+    lines[:] = map(inline, lines)
 
 
 def write_defaults(
