@@ -1,12 +1,6 @@
 """Units of work: kept when done, never computed twice, by whatever executor there is."""
 
-import os
 import re
-import shutil
-import signal
-import threading
-import time
-from concurrent.futures import BrokenExecutor
 from functools import partial
 
 import numpy as np
@@ -17,7 +11,6 @@ from vtbook.experiments.rooms import ROOMS_EVALUATION
 from vtlab import schedule, store
 from vtlab.schedule import join_finished, keep
 from vtlab.units import compute, units_of
-from vtlab.workers import processes
 from vtlib.files import TornResult
 from vtlib.training import Diverged
 
@@ -98,27 +91,3 @@ def test_the_time_of_a_unit_is_expected_as_it_was_for_the_stored_runs(tiny, monk
     for junk in ({}, {"seconds": "1", "config": {"runs": 3}}, {"seconds": 1.0, "config": 2}):
         monkeypatch.setattr(store, "provenance", lambda *_, junk=junk: junk)
         assert units_of(tiny)[0].expected_seconds > 0
-
-
-def test_a_process_that_is_killed_ends_the_work_which_goes_on_where_it_was(
-    tiny, computed, tmp_path
-):
-    shutil.copytree(computed / "tiny-pool", tmp_path / "tiny-pool")
-    small = evolve(tiny, algorithms={label: tiny.algorithms[label] for label in ("NT", "GVT")})
-
-    def kill_once_a_unit_is_kept(victim):
-        while not list((tmp_path / "parts").rglob("*.json")):
-            time.sleep(0.005)
-        os.kill(victim, signal.SIGKILL)
-
-    with processes(1) as executor:
-        victim = executor.submit(os.getpid).result()
-        killer = threading.Thread(target=kill_once_a_unit_is_kept, args=[victim])
-        killer.start()
-        with pytest.raises(BrokenExecutor):
-            schedule.complete([small], tmp_path, executor)
-        killer.join()
-    schedule.complete([small], tmp_path)
-    for owner, label in store.results_of(small):
-        a, b = (store.stored(owner, label, root)[0] for root in (computed, tmp_path))
-        np.testing.assert_equal(a, b, label)
