@@ -2,7 +2,7 @@
 
 import zlib
 from base64 import b64encode
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -10,17 +10,36 @@ import torch
 from torch import Tensor
 
 from vtbook.browser_panel import panel
-from vtbook.maze_run import STARTS, maze_of, six_walks
+from vtbook.paths import walks
 from vtbook.plots import COLOURS
 from vtbook.probes import Probe
 from vtlab.envs.maze import Mazes
 from vtlab.experiment import Experiment
-from vtlab.run import chosen_sources
+from vtlab.run import chosen_sources, targets
+from vtlib.rng import generator
 from vtlib.training import Agent
 from vtlib.transfer import VariationalTransfer
 
 PER_METRE = 25  # places are told in so many steps of each metre, headings in 256 of a turn
 STATES = Mazes.horizon + 1
+STARTS = 6
+Policy = Callable[[Tensor], Tensor]  # actions (B,) at states (B, 3)
+
+
+def maze_of(experiment: Experiment) -> Mazes:
+    """The maze of the first run."""
+    tasks = targets(experiment, [0])
+    assert isinstance(tasks, Mazes)
+    return tasks
+
+
+def six_walks(experiment: Experiment, policy: Policy) -> list[np.ndarray]:
+    """States (T, 3) of six walks; starts and noise are the same for every policy."""
+    rng = generator(experiment.stream, 0, "walks")
+    copies = maze_of(experiment).select([0] * STARTS)
+    start = copies.start(torch.from_numpy(rng.random((STARTS, Mazes.start_dim))))
+    noise = rng.standard_normal((Mazes.horizon, STARTS, Mazes.noise_dim))
+    return walks(copies, policy, start, torch.from_numpy(noise))
 
 
 class WalksProbe(Probe):

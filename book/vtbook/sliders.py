@@ -14,7 +14,6 @@ from vtbook.plots import look, power_of_ten, returns_figure
 from vtbook.setting_curves import Frame
 from vtbook.tables import words
 from vtlab.experiment import Experiment
-from vtlab.stats import Interval
 from vtlib.transfer import Settings
 
 LEARNING, NARROW = {"learning return": "learning"}, 4.1  # inches, to be read on a phone
@@ -56,35 +55,16 @@ def setting_sliders(
 
 
 def setting_words(setting: Setting, usual: Setting, mine: Runs, theirs: Runs) -> str:
-    """What a setting earns, its distance from the thesis' setting, and what that means."""
+    """What a setting earns, and its distance from the thesis' setting."""
     end = int(mine.stored.iteration[-1])
     of = "of the way to the optimum" if mine.floor else "of the optimum"
     earns = f"After {end:,} iterations: {words(mine.share(end), 'z.0%')} {of}."
     if setting == usual:
         return f"{earns} This is the thesis' setting."
     gap = mine.gain_until(theirs, end)
-    return (
-        f"{earns} Averaged over the run, {words(gap, '+z.0%')} against the thesis' setting: "
-        f"{meaning(setting, usual, gap)}."
-    )
-
-
-def meaning(setting: Setting, usual: Setting, gap: Interval) -> str:
-    """A difference from the thesis' setting in a few words."""
-    if gap.low <= 0 <= gap.high:
-        return "no difference that these runs can show"
-    if gap.low > 0:
-        return "better here than the thesis' choice"
-    (lambda_, psi, _), (usual_lambda, usual_psi, _) = setting, usual
-    if psi == usual_psi:
-        return (
-            "held too close to its sources"
-            if lambda_ > usual_lambda
-            else "let go of its sources too soon"
-        )
-    if lambda_ == usual_lambda:
-        return f"{'more' if psi > usual_psi else 'less'} of the full gradient costs return here"
-    return "worse, and both λ and ψ have moved"
+    beside = f"Averaged over the run, {words(gap, '+z.0%')} against the thesis' setting"
+    none = ": no difference that these runs can show" * bool(gap.low <= 0 <= gap.high)
+    return f"{earns} {beside}{none}."
 
 
 def setting_frame(

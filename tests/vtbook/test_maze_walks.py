@@ -10,8 +10,7 @@ import torch
 from attrs import evolve
 
 from vtbook.experiments.maze import MAIN, MAZE_NOTHING, MAZE_TARGETS, MAZE_WALKS
-from vtbook.maze_run import maze_of, six_walks
-from vtbook.maze_walks import PER_METRE, by_sources, driven, walks_panel
+from vtbook.maze_walks import PER_METRE, by_sources, driven, maze_of, six_walks, walks_panel
 from vtlab.run import chosen_sources, run_batch
 from vtlab.store import load
 

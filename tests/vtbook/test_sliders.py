@@ -56,7 +56,7 @@ def test_each_place_of_the_sliders_shows_its_own_runs_with_words_true_of_them(pi
     assert words.startswith("<img><p>λ = 10⁻⁴, ψ = 1, 3-MGVT. After")
     assert f"After 300 iterations: {end.centre:.0%} ({end.low:.0%} to {end.high:.0%})" in words
     assert f"Averaged over the run, {gap.centre:+.0%}".replace("-", "−") in words
-    assert words.endswith("worse, and both λ and ψ have moved.</p>")
+    assert words.endswith("against the thesis' setting.</p>")
     assert "This is the thesis' setting." in picture(*USUAL)
     assert "This is the thesis' setting." in picture(1e-4, 0.5, "GVT")
 

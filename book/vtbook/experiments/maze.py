@@ -3,8 +3,7 @@
 from attrs import evolve
 
 from vtbook.experiments.protocols import as_published, fine_tuning, transfer
-from vtbook.maze_run import STARTS
-from vtbook.maze_walks import WalksProbe
+from vtbook.maze_walks import STARTS, WalksProbe
 from vtbook.neighbours import GuidedSettings
 from vtlab.envs.maze import MazeFamily
 from vtlab.experiment import Experiment, Pool

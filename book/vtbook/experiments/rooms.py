@@ -63,7 +63,6 @@ ROOMS_EVALUATION_EQUATIONS = evolve(
 
 PUBLISHED: dict[str, Algorithm] = {"GVT": PUBLISHED_GVT, "1-MGVT": PUBLISHED_MGVT}
 
-
 # Half as far as the figure: the thesis compares GVT and 1-MGVT at 5,000 iterations.
 INGREDIENT_ITERATIONS = 5_000
 # From the published settings to those of the equations, one ingredient at a time; and one lambda.
@@ -94,7 +93,6 @@ ROOMS_DEVIATIONS = evolve(
         "1-MGVT, sigma_min 1e-2": evolve(PUBLISHED_MGVT, sigma_min=1e-2),
         "GVT, by the episode": evolve(PUBLISHED_GVT, act="episode"),
         "1-MGVT, by the episode": evolve(PUBLISHED_MGVT, act="episode"),
-        "NT, epsilon over 7,000": evolve(NT, epsilon_steps=7_000),
     },
 )
 # The same with the frontier of the text, with sources that were solved at such a frontier, and with
