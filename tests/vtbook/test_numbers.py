@@ -123,9 +123,6 @@ NUMBERS = [
     ("recommended", f"no sources: {RANGE}", gain, MAZE + "-trust", "trust", "NT"),
     ("calibration", f"with one component, contain {RANGE}", held, "1-MGVT", 2),
     ("calibration", f"Its 50% intervals contain {RANGE}", held, "GVT", 0),
-    ("conclusions", f"three rooms 5,000 {RANGE}", gain, ROOMS, "1-MGVT", MEAN, 5_000),
-    ("conclusions", f"cartpole 2,000 {RANGE}", gain, POLE, "1-MGVT", MEAN, 2_000),
-    ("conclusions", f"maze 8 20,000 {RANGE}", gain, MAZE, "1-MGVT", MEAN),
 ]
 
 
