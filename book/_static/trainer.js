@@ -268,7 +268,7 @@ class Panel {
   sayWhere({ iteration, learning, arrival, seeds, bands }) {
     const value = measured(learning.transfer), passed = 500 * Math.floor(iteration / 500);
     if (this.running) {
-      if (passed && passed !== this.passed) this.say(`training, past ${grouped(passed)}: learning return ${value}`);
+      if (passed && passed !== this.passed) this.say(`training${seeds ? ` seed ${seeds + 1}` : ""}, past ${grouped(passed)}: learning return ${value}`);
       this.passed = passed;
       return;
     }
