@@ -68,7 +68,7 @@ def mean_curves(runs: Mapping[str, Dataset], until: int) -> list[dict[str, Any]]
         source = f"{label.replace('trust', 'Trust')} from ten sources"
         curves.append(
             {
-                "label": f"{source}, mean of {runs_of.sizes['run']} runs",
+                "label": f"{source}, mean of {runs_of.sizes['run']} runs on other tasks",
                 "family": FAMILIES[label],
                 "colour": COLOURS[label],
                 "iterations": mean.iteration.values.tolist(),
