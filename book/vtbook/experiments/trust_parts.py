@@ -1,7 +1,9 @@
-"""What two parts are worth where `trust` is judged, on the same tasks and streams, run by run.
+"""What parts are worth where `trust` is judged, on the same tasks and streams, run by run.
 
 In every place Trust is run once more with sources that never play: it learns from the first step,
-and plays what it learns. The difference is what playing the sources adds. In both kinds of rooms,
+and plays what it learns. The difference is what playing the sources adds. Learning from nothing and
+fine-tuning of the best source take as many gradient steps, so that these tell no methods apart; both
+were added when all else had been seen, and fixed before a run. In both kinds of rooms,
 where mixtures with eight updates are ahead, 1-MGVT with eight is run once more with a covariance
 that stays the prior's, as a point under a prior of the same strength, and as a point without one.
 The differences are what its parts add at as many updates. Settings were fixed before any run was
@@ -11,7 +13,7 @@ looked at; the point without a prior was added when the others had been seen.
 from attrs import evolve
 
 from vtbook.experiments.controls import without_parts
-from vtbook.experiments.trust import EIGHT, PLACES, Place
+from vtbook.experiments.trust import EIGHT, PICKED, PLACES, Place
 from vtbook.neighbours import RepeatedSettings
 from vtlab.experiment import Algorithm, Experiment
 from vtlib.trust import Trust
@@ -21,8 +23,15 @@ _PARTS = ("", ", frozen", ", point", ", start alone")
 MIXTURE, STILL, AS_POINT, UNPULLED = (f"1-MGVT{part}{EIGHT}" for part in _PARTS)
 
 
+def _eight(algorithm: Algorithm) -> Algorithm:
+    settings = algorithm.settings if isinstance(algorithm, RepeatedSettings) else algorithm
+    return RepeatedSettings(settings, 8)
+
+
 def _algorithms(place: Place) -> dict[str, Algorithm]:
     parts: dict[str, Algorithm] = {ALONE: Trust(sources_play=False)}
+    for rival in ("NT", PICKED):
+        parts[f"{rival}{EIGHT}"] = _eight(place.experiment.algorithms[rival])
     mixture = place.experiment.algorithms.get(MIXTURE)
     if isinstance(mixture, RepeatedSettings):
         for part, settings in without_parts(mixture.settings).items():
