@@ -1,7 +1,7 @@
 """What an experiment is: frozen configurations of source pools and of runs."""
 
 from collections.abc import Callable, Mapping
-from typing import Any, ClassVar, Protocol, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 
 import attrs
 from attrs import Factory, field, frozen
@@ -37,7 +37,8 @@ def _named(_: Any, field: Any, value: Any) -> None:
 class Algorithm(Protocol):
     """The settings of an algorithm: a frozen attrs class, stored beside what it computes."""
 
-    transfers: ClassVar[bool]
+    @property
+    def transfers(self) -> bool: ...
 
     def agent(self, q: QFunction, start: Tensor, obs_dim: int, rng: Rng, /) -> Agent:
         """The agent of R runs: start is sources (R, S, d) if it transfers, else weights (R, d)."""

@@ -2,8 +2,8 @@
 
 In every place Trust is run once more with sources that never play: it learns from the first step,
 and plays what it learns. The difference is what playing the sources adds. Learning from nothing and
-fine-tuning of the best source take as many gradient steps, so that these tell no methods apart; both
-were added when all else had been seen, and fixed before a run. In both kinds of rooms,
+fine-tuning of the best source are run with as many gradient steps as Trust takes; both were added
+when all else had been seen, and fixed before they ran. In both kinds of rooms,
 where mixtures with eight updates are ahead, 1-MGVT with eight is run once more with a covariance
 that stays the prior's, as a point under a prior of the same strength, and as a point without one.
 The differences are what its parts add at as many updates. Settings were fixed before any run was

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from typing import Any
 
 from attrs import field, frozen
 from torch import Tensor
@@ -17,15 +17,18 @@ from vtlib.transfer import Settings
 
 @frozen
 class RepeatedSettings:
-    """Parameters of an algorithm that transfers and learns ``updates`` times a step.
+    """Parameters of an algorithm that learns ``updates`` times a step.
 
     Raises ValueError for a value outside its range.
     """
 
-    transfers: ClassVar[bool] = True
-
     settings: Any = field(default=Settings(), validator=kind(Algorithm))
     updates: int = field(default=4, validator=whole())
+
+    @property
+    def transfers(self) -> bool:
+        """Whether the algorithm transfers."""
+        return bool(self.settings.transfers)
 
     @property
     def repeated(self) -> tuple[Any, int]:
@@ -33,7 +36,7 @@ class RepeatedSettings:
         return self.settings, self.updates
 
     def agent(self, q: QFunction, sources: Tensor, obs_dim: int, rng: Rng) -> Repeated:
-        """The algorithm's agent, which transfers from sources (R, S, d)."""
+        """The algorithm's agent, from sources (R, S, d) or first weights (R, d)."""
         return Repeated(self.settings.agent(q, sources, obs_dim, rng), self.updates)
 
 
