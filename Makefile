@@ -102,7 +102,7 @@ reproduce: set-up
 
 # The library alone: the book's tools are pinned. What is deprecated there is no error here.
 CPU_TORCH   := https://download.pytorch.org/whl/cpu
-OF_THE_BOOK := $(addprefix tests/test_,$(addsuffix .py,assets book browser ceilings cells lab notebooks pages reading set_up wheel))
+OF_THE_BOOK := $(addprefix tests/test_,$(addsuffix .py,assets book browser ceilings cells lab notebooks pages set_up wheel))
 oldest newest: OTHER = _build/venv-$@
 oldest newest: export OMP_NUM_THREADS := 1
 oldest newest:

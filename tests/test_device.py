@@ -12,7 +12,6 @@ from torch import Tensor
 from torch.overrides import TorchFunctionMode
 from torch.utils._pytree import tree_leaves
 
-from vtbook import neighbours
 from vtlab.bases import RBFLinear
 from vtlib import posteriors
 from vtlib.baselines import FineTuning, MellowTDSettings
@@ -68,8 +67,6 @@ SHORT = partial(Settings, lambda_=1e-2, alpha_L=1e-4, minibatch=3, n_samples=2)
         SHORT(components=3, covariance="diagonal", kl="diagonal"),
         Trust(),
         FineTuning(MellowTDSettings(epsilon_steps=9)),
-        neighbours.LangevinSettings(alpha=1e-9),
-        neighbours.UnstartedSettings(minibatch=3),
     ],
 )
 def test_posteriors_stay_on_the_card_and_nothing_is_mixed(monkeypatch, q, settings):

@@ -116,12 +116,6 @@ def test_a_callback_is_told_and_ends_the_learning_of_returns_known_once_an_episo
     assert torch.isnan(learned.returns[1]).all()
 
 
-@pytest.mark.parametrize("shown", [True, False])
-def test_a_bar_is_shown_on_request_alone(shown, capsys):
-    transfer([Corridor()], Q, SOURCES[:2], 30, progress=shown)
-    assert ("30/30" in capsys.readouterr().err) is shown
-
-
 @pytest.mark.parametrize("settings", [None, TRANSFER, FineTuning(LEARNER)])
 def test_what_was_learned_is_saved_whole(settings, tmp_path):
     learned = transfer([Corridor()], Q, SOURCES[:2], 120, settings, seed=7)

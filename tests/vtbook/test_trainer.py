@@ -154,10 +154,6 @@ def test_the_kernel_has_room_for_all_that_the_controls_offer():
         assert settings.buffer <= 50_000
 
 
-def test_a_stronger_engine_is_worth_more():
-    assert trainer.optimum(CAR.family, (0.0015,)) > trainer.optimum(CAR.family, (0.001,)) + 5
-
-
 def test_curves_are_means_over_stored_runs():
     runs = returns(EVALUATION, "GVT")
     (curve,) = trainer.mean_curves({"GVT": runs}, 1_000)

@@ -82,31 +82,6 @@ def test_training_stops_at_once_steps_and_begins_anew(opened):
     assert panel.locator(".iteration").inner_text() == "0"
 
 
-SEEN = """shown => {
-  window.seen = [];
-  const look = () => window.seen.push(Number(shown.innerText.replace(",", "")));
-  new MutationObserver(look).observe(shown, { childList: true });
-}"""
-
-
-def test_where_motion_is_not_wanted_the_panel_moves_every_500_iterations_alone(opened, page):
-    page.emulate_media(reduced_motion="reduce")
-    panel = opened()
-    panel.locator(".iteration").evaluate(SEEN)
-    panel.get_by_role("combobox").select_option(label="500 a second")
-    panel.get_by_role("button", name="Run").click()
-    shows(panel, ".iteration", "^1,[0-4]")
-    assert [t // 500 for t in page.evaluate("seen")] == [1, 2]
-
-
-def test_where_motion_is_not_wanted_who_drives_is_seen_at_the_end_alone(opened, page):
-    page.emulate_media(reduced_motion="reduce")
-    panel = opened("mountain_car")
-    panel.get_by_label("at the wheel").select_option(label="source 1")
-    panel.get_by_role("button", name="Drive").click()
-    shows(panel, ".drove", "source 1. It arrived after .*return")
-
-
 def test_without_vector_instructions_the_panel_says_so(opened, page):
     page.add_init_script("WebAssembly.validate = () => false")
     panel = opened()

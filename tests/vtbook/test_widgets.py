@@ -4,17 +4,12 @@ import signal
 from unittest.mock import Mock
 
 import numpy as np
-import pytest
 from attrs import evolve
 from xarray import Dataset
 
 from vtbook import rerun, widgets
-from vtbook.experiments.cartpole import CARTPOLE
-from vtbook.experiments.maze import MAIN, MAZE_TARGETS
-from vtbook.experiments.mountain_car import CAR
 from vtbook.experiments.protocols import transfer_settings
 from vtbook.experiments.rooms import ROOMS_EVALUATION_EQUATIONS
-from vtbook.page import Page
 from vtbook.widgets import live_panel
 from vtlab.workers import processors
 
@@ -103,12 +98,3 @@ def test_any_error_is_shown_and_the_next_training_runs(monkeypatch):
     parts["iterations"].value = 300
     monkeypatch.setattr(rerun, "run_batch", quick)
     assert trained(parts) == "done at 300"
-
-
-@pytest.mark.parametrize("experiment", [CARTPOLE, CAR, MAZE_TARGETS[MAIN]])
-def test_a_panel_trains_in_the_other_environments_too(experiment):
-    page = Page(experiment)
-    beside = {"DDQN": page.runs["DDQN"]}
-    _, parts = parts_of(live_panel(page.experiment, page.weights, beside, runs=1, iterations=200))
-    assert trained(parts) == "done at 200"
-    assert "of DDQN, 1-MGVT, just now." in parts["picture"].value

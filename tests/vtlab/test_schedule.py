@@ -88,6 +88,5 @@ def test_the_time_of_a_unit_is_expected_as_it_was_for_the_stored_runs(tiny, monk
     note = store.provenance(store.results_folder() / "rooms-evaluation" / "GVT")
     units = [u for u in units_of(ROOMS_EVALUATION) if u.label == "GVT"]
     assert sum(u.expected_seconds for u in units) == pytest.approx(note["seconds"])
-    for junk in ({}, {"seconds": "1", "config": {"runs": 3}}, {"seconds": 1.0, "config": 2}):
-        monkeypatch.setattr(store, "provenance", lambda *_, junk=junk: junk)
-        assert units_of(tiny)[0].expected_seconds > 0
+    monkeypatch.setattr(store, "provenance", lambda _: {})
+    assert units_of(tiny)[0].expected_seconds > 0
