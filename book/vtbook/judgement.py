@@ -9,7 +9,6 @@ from vtbook.comparisons import holm, paired_p
 from vtbook.experiments.compared import mean_shares
 from vtbook.experiments.trust import LEFT_OUT, LOSS, OURS, PLACES, Place
 from vtbook.experiments.trust_parts import ALONE, PARTS
-from vtbook.experiments.trust_search import SEARCH
 from vtlab.stats import Interval, difference_interval
 
 LEVEL = 0.05
@@ -72,14 +71,3 @@ def shortfalls() -> dict[str, float]:
 def without_a_part(place: Place, label: str = ALONE) -> np.ndarray:
     """What each run of a control earned (R,) where the method is judged, in the same shares."""
     return mean_shares(PARTS[place.title], label, place.first)
-
-
-def searched(title: str) -> dict[str, Interval]:
-    """What each change of the learning part gains in a place for tuning, by the change."""
-    runs = SEARCH[title]
-    shares = {x: mean_shares(runs, x) for x in runs.algorithms}
-    return {
-        label: difference_interval(values, shares[OURS])
-        for label, values in shares.items()
-        if label != OURS
-    }

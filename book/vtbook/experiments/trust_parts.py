@@ -2,12 +2,11 @@
 
 In every place Trust is run once more with sources that never play: it learns from the first step,
 and plays what it learns. The difference is what playing the sources adds. Learning from nothing and
-fine-tuning of the best source are run with as many gradient steps as Trust takes; both were added
-when all else had been seen, and fixed before they ran. In both kinds of rooms,
-where mixtures with eight updates are ahead, 1-MGVT with eight is run once more with a covariance
-that stays the prior's, as a point under a prior of the same strength, and as a point without one.
-The differences are what its parts add at as many updates. Settings were fixed before any run was
-looked at; the point without a prior was added when the others had been seen.
+fine-tuning of the best source are run with as many gradient steps as Trust takes. In both kinds of
+rooms, where mixtures with eight updates are ahead, 1-MGVT with eight is run once more with a
+covariance that stays the prior's, as a point under a prior of the same strength, and as a point
+without one. Settings were fixed before any run was looked at; the point without a prior, and the
+rivals with eight updates, were added when the others had been seen.
 """
 
 from attrs import evolve
