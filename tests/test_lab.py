@@ -145,7 +145,7 @@ def train_live(page):
         box = panel.locator(".widget-text", has_text=name).locator("input")
         box.fill(value)
         box.press("Enter")
-    for handle, key in ((posterior, "End"), (power, "End"), (psi, "Home")):
+    for handle, key in ((posterior, "End"), (psi, "Home"), (power, "End")):
         old = panel.locator("img").get_attribute("src")
         handle.press(key)
         panel.get_by_role("button", name="Run").click()

@@ -84,13 +84,17 @@ def rerun(
 
 @contextmanager
 def interruptible() -> Iterator[threading.Event]:
-    """An event that an interrupt of the kernel sets, in place of breaking off what computes."""
-    stopped = threading.Event()
-    before = signal.signal(signal.SIGINT, lambda *_: stopped.set())
+    """An event that an interrupt of the kernel sets, in place of breaking off what computes.
+
+    What a button does may run beside the main thread, where no interrupt arrives.
+    """
+    stopped, main = threading.Event(), threading.current_thread() is threading.main_thread()
+    before = signal.signal(signal.SIGINT, lambda *_: stopped.set()) if main else None
     try:
         yield stopped
     finally:
-        signal.signal(signal.SIGINT, before)
+        if main:
+            signal.signal(signal.SIGINT, before)
 
 
 def rerun_figure(stored: Mapping[str, Dataset], made: Mapping[str, Arrays]) -> Figure:
