@@ -84,10 +84,7 @@ def rerun(
 
 @contextmanager
 def interruptible() -> Iterator[threading.Event]:
-    """An event that an interrupt of the kernel sets, in place of breaking off what computes.
-
-    What a button does may run beside the main thread, where no interrupt arrives.
-    """
+    """An event that an interrupt of the kernel sets, where it arrives: in the main thread alone."""
     stopped, main = threading.Event(), threading.current_thread() is threading.main_thread()
     before = signal.signal(signal.SIGINT, lambda *_: stopped.set()) if main else None
     try:

@@ -23,8 +23,7 @@ MIXTURE, STILL, AS_POINT, UNPULLED = (f"1-MGVT{part}{EIGHT}" for part in _PARTS)
 
 
 def _eight(algorithm: Algorithm) -> Algorithm:
-    settings = algorithm.settings if isinstance(algorithm, RepeatedSettings) else algorithm
-    return RepeatedSettings(settings, 8)
+    return RepeatedSettings(getattr(algorithm, "settings", algorithm), 8)
 
 
 def _algorithms(place: Place) -> dict[str, Algorithm]:
