@@ -31,7 +31,7 @@ class Number:
 class Stage:
     """Algorithms as published, the scripts, the template, and the numbers that have sliders.
 
-    The optimum of a task lies between those of some landmarks; the script says where.
+    The script interpolates the optimum of a task between the landmarks' optima.
     """
 
     algorithms: dict[str, Method]

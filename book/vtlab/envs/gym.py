@@ -77,7 +77,7 @@ class CartpoleEnv(TasksEnv):
     and positive to the right) and angular velocity (rad/s). Actions are 0 for left and 1 for right.
     Each step earns 1, until the pole leans by more than 12 degrees or the cart is more than 2.4 m
     from the middle. Masses are in kg; ``half_length`` is from the pivot to the pole's centre of
-    mass, in m. Source: thesis section 6.2.1; the defaults are those of Gymnasium's CartPole-v1.
+    mass, in m. Source: thesis section 6.2.1. By default it is Gymnasium's CartPole-v1.
     """
 
     def __init__(
@@ -94,8 +94,8 @@ class MountainCarEnv(TasksEnv):
 
     Observations are position and velocity. Actions are 0 for left, 1 for none and 2 for right, and
     add -``speed``, 0 or ``speed`` to the velocity. Each step earns -1, but 0 the one that reaches
-    the goal, where the episode ends, unlike Gymnasium's. Source: thesis section 6.2.2; the default
-    is that of Gymnasium's MountainCar-v0.
+    the goal, where the episode ends, unlike Gymnasium's. Source: thesis section 6.2.2. By default
+    the engine is as strong as in Gymnasium's MountainCar-v0.
     """
 
     def __init__(self, speed: float = 0.001) -> None:
