@@ -39,7 +39,7 @@ BY_KIND = [
     ("alpha alpha_mu alpha_L bandwidth sigma_p2 sigma_min jitter", POSITIVE),
     ("kappa", [*POSITIVE, 9e-4]),
     ("clip kl_clip", POSITIVE[1:]),
-    ("lambda_ bias scale", NEGATIVE),
+    ("lambda_ bias scale optimism", NEGATIVE),
     ("psi epsilon_start epsilon_end random", SHARE),
     ("gamma beta1 beta2", [*SHARE, 1]),
     ("family init act covariance kl prior start responsibilities", WORD),
