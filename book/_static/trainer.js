@@ -259,7 +259,6 @@ class Panel {
     this.find(".go").textContent = this.running ? "Pause" : "Run";
     this.stage.show(report);
     this.chart.show(report);
-    this.greedy = report.greedy ?? this.greedy;
     this.showNumbers(report);
     this.sayWhere(report);
   }
@@ -279,7 +278,7 @@ class Panel {
   }
 
   showNumbers({ iteration, speed, arrival, episodes, learning, seeds, bands, plays }) {
-    const texts = { arrival: arrival ? `at ${grouped(arrival)}` : "not yet", greedy: measured(this.greedy) };
+    const texts = { arrival: arrival ? `at ${grouped(arrival)}` : "not yet" };
     for (const [name, number] of Object.entries({ iteration, episodes, speed })) texts[name] = grouped(number);
     for (const [name, text] of Object.entries(texts)) this.find(`.facts .${name}`).textContent = text;
     const who = plays && (plays.sources ? "a source plays" : "what was learned plays");

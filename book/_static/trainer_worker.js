@@ -309,7 +309,7 @@ class Training {
       seeds: this.finished.length, bands: this.finished.length > 1 && bandsOf(this.finished),
       plays: transfer.record && { sources: transfer.driven, trust: transfer.record.trust },
       learning: Object.fromEntries(Object.entries(this.runs).map(([k, r]) => [k, r.learning])),
-      ...(look && { maps: typeof mapsOf === "function" && mapsOf(transfer), greedy: transfer.kernel.greedy(10) }),
+      ...(look && { maps: typeof mapsOf === "function" && mapsOf(transfer) }),
     });
   }
 }

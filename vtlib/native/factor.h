@@ -6,7 +6,7 @@
 
 constexpr int ROWS = 8;  // of a block
 
-static inline int columns_of(int block) { return padded(ROWS * (block + 1)); }
+constexpr int columns_of(int block) { return padded(ROWS * (block + 1)); }
 static inline float bounded(float x, float most) { return x > most ? most : x < -most ? -most : x; }
 
 // What a step needs to know: the prior's precision is scale * (I - W W^T), with `sources` columns W;
@@ -17,7 +17,7 @@ struct Descent {
   float alpha, sigma_min, clip, kl_clip, scale;
 };
 
-static int64_t factor_size(int d) {
+constexpr int64_t factor_size(int d) {
   int64_t size = 0;
   for (int block = 0; block * ROWS < d; block++) size += ROWS * columns_of(block);
   return size;

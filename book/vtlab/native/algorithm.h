@@ -21,14 +21,6 @@ struct Random {
   const float *noise, *component, *replay, *motion, *start, *exploration;
 };
 
-// How many floats the factor of D weights takes.
-template <int D> struct Triangle {
-  int64_t size = 0;
-  constexpr Triangle() {
-    for (int row = 0; row < D; row += ROWS) size += ROWS * padded(row + ROWS);
-  }
-};
-
 template <class Task> struct Run {
   static constexpr int D = Task::D, WIDE = padded(D);
   Settings s;
@@ -39,7 +31,7 @@ template <class Task> struct Run {
   float m[MOST_COMPONENTS][WIDE], v[MOST_COMPONENTS][WIDE];  // Adam's moments
   float sources[MOST_SOURCES][WIDE];                         // of a Gaussian, their mean alone
   float W[MOST_SOURCES][WIDE], WL[MOST_SOURCES][WIDE];  // precision scale * (I - W W^T), and W^T L
-  float L[MOST_COMPONENTS][Triangle<D>{}.size], next[MOST_SOURCES][WIDE];
+  float L[MOST_COMPONENTS][factor_size(D)], next[MOST_SOURCES][WIDE];
   float z[MOST_COMPONENTS][LANES][WIDE];        // the noise of the present samples
   float samples[MOST_COMPONENTS][WIDE][LANES];  // of each weight the samples, side by side
   float gradient[WIDE][LANES], upcoming[WIDE][LANES];

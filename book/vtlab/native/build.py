@@ -10,7 +10,7 @@ RUNS = HERE / "runs.cpp"
 # The pages' modules, by the names of the kernels: each is page.cpp for a task of its own.
 PAGES = {"rooms": "Rooms", "cartpole": "Cartpole", "mountain_car": "MountainCar"}
 CALLS = (
-    "place begin_run iterate_run learning earned promise unpack step_stage greedy"  # as in page.cpp
+    "place begin_run iterate_run learning earned promise unpack step_stage"  # as in page.cpp
 )
 
 

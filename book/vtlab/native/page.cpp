@@ -98,24 +98,3 @@ extern "C" int step_stage(int action) {
   latest.action = action < 0 ? Task::greedy(driver, stage) : action;
   return latest.action | Task::move(run.s, stage, motion, latest) << 8;
 }
-
-// Mean return of the mean's greedy policy; the run's random numbers stay as they are.
-extern "C" float greedy(int episodes) {
-  auto kept = generator;
-  float total = 0;
-  for (int i = 0; i < D; i++) {
-    at(driver[i]) = Lanes{};
-    for (int c = 0; c < run.s.components; c++) at(driver[i]) += run.mu[c][i] / run.s.components;
-  }
-  for (int episode = 0; episode < episodes; episode++) {
-    float discount = 1;
-    at(uniforms) = uniform();
-    Task::start(run.s, stage, uniforms);
-    for (int time = 0, over = 0; time < Task::HORIZON && !over; time++, discount *= run.s.gamma) {
-      over = step_stage(-1) >> 8;
-      total += discount * latest.reward;
-    }
-  }
-  generator = kept;
-  return total / episodes;
-}
