@@ -6,6 +6,7 @@ from functools import partial
 import numpy as np
 import pytest
 from attrs import evolve
+from distributed import Client, LocalCluster
 
 from vtbook.experiments.rooms import ROOMS_EVALUATION
 from vtlab import schedule, store
@@ -82,6 +83,15 @@ def test_experiments_share_a_pool_and_one_bar_but_no_name(tiny, here, tmp_path, 
     schedule.complete([first, evolve(first, name="other")], tmp_path, here)
     assert {p.parent.name for p in tmp_path.rglob("*.npz")} == {"tiny-pool", "tiny", "other"}
     assert re.search(r"100%\|.* gone, 00:00 left", capsys.readouterr().err)
+
+
+def test_dask_computes_what_processes_here_compute(tiny, stored, tmp_path):
+    only = evolve(tiny, algorithms={"GVT": tiny.algorithms["GVT"]})
+    workers = LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None)
+    with workers as cluster, Client(cluster) as client:
+        schedule.complete([only], tmp_path, client.get_executor())
+    for name in ("tiny-pool/sources", "tiny/GVT"):
+        np.testing.assert_equal(store.read(tmp_path / name)[0], store.read(stored / name)[0])
 
 
 def test_the_time_of_a_unit_is_expected_as_it_was_for_the_stored_runs(tiny, monkeypatch):
