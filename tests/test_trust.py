@@ -60,6 +60,8 @@ def test_sources_that_may_not_play_leave_every_episode_to_what_was_learned():
     assert agent.state()["played"].tolist() == RUNS * [2 * [SOURCES]]
     # too few steps for it to leave the sources' mean, where it starts
     torch.testing.assert_close(agent.mu, sources().mean(1, keepdim=True))
+    unit = sources().square().mean((1, 2)).sqrt().view(-1, 1, 1, 1)
+    torch.testing.assert_close(agent.learned.scale_tril, 0.003 * unit * torch.eye(Q.d))
     assert agent.improved.all()
 
 

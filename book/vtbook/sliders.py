@@ -57,8 +57,7 @@ def setting_sliders(
 def setting_words(setting: Setting, usual: Setting, mine: Runs, theirs: Runs) -> str:
     """What a setting earns, and its distance from the thesis' setting."""
     end = int(mine.stored.iteration[-1])
-    of = "of the way to the optimum" if mine.floor else "of the optimum"
-    earns = f"After {end:,} iterations: {words(mine.share(end), 'z.0%')} {of}."
+    earns = f"After {end:,} iterations: {words(mine.share(end), 'z.0%')} of the optimum."
     if setting == usual:
         return f"{earns} This is the thesis' setting."
     gap = mine.gain_until(theirs, end)

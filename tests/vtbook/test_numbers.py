@@ -89,15 +89,14 @@ def held(label, level):
 
 # page, words around the number, and what computes it from what
 NUMBERS = [
-    ("index", f"After 5,000 steps it earns {SHARE}", mean_at, ROOMS + "-controls", "1-MGVT", 5_000),
+    ("index", f"steps this agent earns {SHARE}", mean_at, ROOMS + "-controls", "1-MGVT", 5_000),
     ("index", f"change what it earns by {RANGE}", over_mazes, "1-MGVT", "NT"),
-    ("index", f"comes {SHARE}", mean_until, CAR + "-untouched", "untouched", END),
+    ("index", f"left alone, gets {SHARE}", mean_until, CAR + "-untouched", "untouched", END),
     (ROOMS, f"2,000 steps it earns {SHARE}", mean_at, ROOMS + "-controls", "1-MGVT", 2_000),
-    (ROOMS, f"By then fine-tuning earns {SHARE}", mean_at, ROOMS + "-controls", MEAN, 2_000),
+    (ROOMS, f"of the mean then earns {SHARE}", mean_at, ROOMS + "-controls", MEAN, 2_000),
     (ROOMS, f"GVT is ahead of no transfer{SAYS}", gain, ROOMS, "GVT", "NT", 14_900),
     (ROOMS, f"surpasses GVT{SAYS}", gain, ROOMS, "1-MGVT", "GVT", 14_900),
     (ROOMS, f"over 5,000 steps, is {RANGE}", gain, ROOMS + "-controls", "1-MGVT", MEAN),
-    (OTHER, f"1-MGVT is clearly ahead{SAYS}", gain, OTHER, "1-MGVT", "GVT", 14_900),
     (OTHER, f"over 5,000 steps, is {RANGE}", gain, OTHER + "-controls", "1-MGVT", MEAN),
     (SEARCH, f"explore at random only {COUNT} do", lambda: (stored(SEARCH, "NT").max(1) > 0).sum()),
     (SEARCH, f"GVT: cells visited{SAYS}", lambda: interval(cells("1-MGVT") - cells("GVT"))),
@@ -107,11 +106,9 @@ NUMBERS = [
     (POLE, f"1-MGVT is not behind DDQN{SAYS}", gain, POLE, "1-MGVT", "DDQN", 8_900),
     (CAR, f"steps 1-MGVT has come {SHARE}", mean_at, CAR, "1-MGVT", 40_000),
     (CAR, f"GVT {SHARES} 1-MGVT", mean_until, CAR, "GVT", 5_000, 10_000, END),
-    (CAR, f"1-MGVT learns faster than GVT{SAYS}", gain, CAR, "1-MGVT", "GVT", 39_600),
     ("mazes", f"ends at {SHARE}", mean_at, MAZE, "1-MGVT", 20_000),
     ("mazes", f"1-MGVT {SHARES}", in_mazes, "1-MGVT"),
     ("mazes", f"guide, minus NT {RANGE}", over_mazes, "NT, guided", "NT"),
-    ("mazes", f"GVT shows negative transfer{SAYS}", gain, MAZE, "GVT", "DDQN", 16_800),
     ("prior_weight", f"at 0.1: GVT minus 1-MGVT {RANGE}", gain, PRIOR, *GENTLE),
     ("controls", f"λ = 0 {HALF}", points, ROOMS + "-controls", "1-MGVT", "1-MGVT, lambda 0"),
     ("controls", f"mean, three rooms {HALF}", points, ROOMS + "-controls", "1-MGVT", MEAN),
@@ -119,7 +116,6 @@ NUMBERS = [
     ("recommended", f"untouched: {RANGE}", gain, POLE + "-trust", "trust", "untouched"),
     ("recommended", f"no sources: {RANGE}", gain, MAZE + "-trust", "trust", "NT"),
     ("calibration", f"with one component, contain {RANGE}", held, "1-MGVT", 2),
-    ("calibration", f"Its 50% intervals contain {RANGE}", held, "GVT", 0),
 ]
 
 

@@ -8,7 +8,6 @@ import pytest
 from attrs import evolve
 from distributed import Client, LocalCluster
 
-from vtbook.experiments.rooms import ROOMS_EVALUATION
 from vtlab import schedule, store
 from vtlab.schedule import join_finished, keep
 from vtlab.units import compute, units_of
@@ -92,11 +91,3 @@ def test_dask_computes_what_processes_here_compute(tiny, stored, tmp_path):
         schedule.complete([only], tmp_path, client.get_executor())
     for name in ("tiny-pool/sources", "tiny/GVT"):
         np.testing.assert_equal(store.read(tmp_path / name)[0], store.read(stored / name)[0])
-
-
-def test_the_time_of_a_unit_is_expected_as_it_was_for_the_stored_runs(tiny, monkeypatch):
-    note = store.provenance(store.results_folder() / "rooms-evaluation" / "GVT")
-    units = [u for u in units_of(ROOMS_EVALUATION) if u.label == "GVT"]
-    assert sum(u.expected_seconds for u in units) == pytest.approx(note["seconds"])
-    monkeypatch.setattr(store, "provenance", lambda _: {})
-    assert units_of(tiny)[0].expected_seconds > 0

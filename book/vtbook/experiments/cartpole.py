@@ -2,7 +2,6 @@
 
 from attrs import evolve
 
-from vtbook.experiments.grids import sliders_of
 from vtbook.experiments.protocols import as_published, fine_tuning, transfer
 from vtlab.envs.cartpole import CartpoleFamily
 from vtlab.experiment import Experiment, Pool
@@ -51,7 +50,6 @@ CARTPOLE_EQUATIONS = evolve(
     algorithms={**transfer(GVT, MGVT), "DDQN": DDQN},
     each=False,
 )
-CARTPOLE_SLIDERS = sliders_of(CARTPOLE, "cartpole-sliders", 10, 1_000)
 
 # The mixtures' learner without any source: what their lead over DDQN owes to transfer.
 CARTPOLE_NOTHING = evolve(

@@ -21,12 +21,12 @@ from vtlab.experiment import Algorithm, Experiment
 from vtlib.transfer import Settings
 
 POINT = 1e-4  # deviation of the samples that stand for a point
-FROZEN = 1e-20  # steps on L that float32 cannot tell from none
+FROZEN = 1e-20  # steps on a Gaussian's L that float32 cannot tell from none
 
 
 def without_parts(mixture: Settings) -> dict[str, Settings]:
     """A mixture with a frozen covariance, as a point under the same pull, and without that pull."""
-    frozen = evolve(mixture, alpha_L=FROZEN)
+    frozen = evolve(mixture, covariance="fixed")
     # The weight of the prior on the mean is lambda / sigma^2: the same for the point.
     share = POINT**2 / mixture.sigma_p2
     point = evolve(frozen, sigma_p2=POINT**2, lambda_=mixture.lambda_ * share)

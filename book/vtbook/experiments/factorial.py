@@ -11,7 +11,7 @@ import numpy as np
 from attrs import asdict, evolve
 
 from vtbook.experiments.compared import ENVIRONMENTS
-from vtbook.experiments.controls import FROZEN, POINT
+from vtbook.experiments.controls import POINT
 from vtbook.experiments.protocols import transfer_settings
 from vtbook.neighbours import UnstartedSettings
 from vtlab.experiment import Algorithm
@@ -43,7 +43,7 @@ def algorithm(start: str, weight: str, posterior: str, operator: str) -> Algorit
     if posterior == "point":
         # lambda / sigma^2, the weight of the prior on the mean, stays
         changes["lambda_"] *= POINT**2 / tuned.sigma_p2
-        changes |= {"sigma_p2": POINT**2, "alpha_L": FROZEN}
+        changes |= {"sigma_p2": POINT**2, "covariance": "fixed"}
     else:
         covariance, components = posterior.split()
         changes |= {"covariance": covariance, "components": int(components)}

@@ -1,7 +1,6 @@
 """Grids of settings around the thesis', over which a page has sliders."""
 
 import itertools
-import math
 from collections.abc import Mapping, Sequence
 
 from attrs import evolve
@@ -12,12 +11,6 @@ from vtlib.transfer import Settings
 
 PSIS = (0.0, 0.5, 1.0)
 POSTERIORS = ("GVT", "1-MGVT", "2-MGVT", "3-MGVT")
-
-
-def slider_lambdas(base: Settings) -> tuple[float, ...]:
-    """Five powers of ten around the lambda of the thesis' setting, which must not be 0."""
-    middle = round(math.log10(base.lambda_))
-    return tuple(float(f"1e{middle + step}") for step in (-2, -1, 0, 1, 2))
 
 
 def count_name(algorithm: str, count: int) -> str:
@@ -46,14 +39,10 @@ def slider_thesis(experiment: Experiment) -> dict[str, Settings]:
 
 
 def sliders_of(
-    experiment: Experiment, name: str, runs: int, iterations: int, lambdas: Sequence[float] = ()
+    experiment: Experiment, name: str, runs: int, iterations: int, lambdas: Sequence[float]
 ) -> Experiment:
-    """The settings of the sliders around GVT and 1-MGVT, on an experiment's first runs or tasks.
-
-    The values of lambda are those of ``slider_lambdas`` for 1-MGVT where none are given.
-    """
+    """The settings of the sliders around GVT and 1-MGVT, on an experiment's first runs or tasks."""
     thesis = slider_thesis(experiment)
-    lambdas = lambdas or slider_lambdas(thesis["1-MGVT"])
     return evolve(
         experiment,
         name=name,

@@ -2,7 +2,6 @@
 
 from attrs import evolve
 
-from vtbook.experiments.grids import sliders_of
 from vtbook.experiments.protocols import as_published, fine_tuning, transfer
 from vtbook.neighbours import UntouchedSettings
 from vtlab.envs.mountain_car import MountainCarFamily
@@ -66,4 +65,3 @@ CAR_UNCHECKED = evolve(
     pool=evolve(CARS, name="mountain-car-sources-unchecked", limit=SOURCE_ITERATIONS),
     algorithms={"GVT": as_published(GVT)},
 )
-CAR_SLIDERS = sliders_of(CAR, "mountain-car-sliders", 10, 2_000)

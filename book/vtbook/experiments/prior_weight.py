@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from attrs import evolve
 
-from vtbook.experiments.controls import FROZEN, POINT
+from vtbook.experiments.controls import POINT
 from vtbook.experiments.protocols import FROM_MEAN, transfer_settings
 from vtbook.experiments.rooms import ROOMS_CHANGE, ROOMS_EVALUATION, ROOMS_LIKELIHOOD
 from vtlab.experiment import Algorithm, Experiment
@@ -28,7 +28,7 @@ def labelled(posterior: str, weight: float) -> str:
 def weighted(experiment: Experiment, runs: int, runs_per_task: int = 1) -> Experiment:
     """A page's experiment with each posterior under priors of all weights, and the start alone."""
     mixture, gaussian = (transfer_settings(experiment, label) for label in ("1-MGVT", "GVT"))
-    frozen = evolve(mixture, alpha_L=FROZEN)
+    frozen = evolve(mixture, covariance="fixed")
     point = evolve(frozen, sigma_p2=POINT**2)
     algorithms: dict[str, Algorithm] = {FROM_MEAN: experiment.algorithms[FROM_MEAN]}
     for weight in WEIGHTS:

@@ -75,7 +75,8 @@ def supports(family: TaskFamily, algorithm: Any, sources: int) -> bool:
         algorithm.components <= MOST_COMPONENTS
         and algorithm.n_samples < LANES
         and sources <= MOST_SOURCES
-        and (algorithm.act, algorithm.covariance, algorithm.patience) == ("step", "full", 0)
+        and algorithm.covariance in ("full", *["fixed"] * (algorithm.family == "mixture"))
+        and (algorithm.act, algorithm.patience) == ("step", 0)
     )
 
 
@@ -87,9 +88,11 @@ def kernel_settings(algorithm: Any) -> dict[str, Any]:
     if not s.transfers:
         return {**fields, "family": LEARNER, "components": 1, "alpha_mu": s.alpha, "clip": NO_CLIP}
     gaussian = s.family == "gaussian"
+    mixture = FIXED if s.covariance == "fixed" else MIXTURE
     return {
         **fields,
-        "family": GAUSSIAN if gaussian else MIXTURE,
+        "family": GAUSSIAN if gaussian else mixture,
+        "deviation": max(s.sigma_p2**0.5, s.sigma_min),
         "clip": NO_CLIP if s.clip is None else s.clip,
         "kl_clip": NO_CLIP if s.kl_clip is None else s.kl_clip,
         "equal": s.responsibilities == "equal",

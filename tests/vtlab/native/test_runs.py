@@ -44,6 +44,7 @@ ALGORITHMS = [
     FineTuning(LEARNER),
     FineTuning(GREEDY, "mean"),
     Settings(sigma_min=0.01),  # more than the prior has
+    *(Settings(components=c, covariance="fixed", sigma_min=x) for c, x in ((1, 0.01), (2, 1e-4))),
     RepeatedSettings(Settings(components=2, minibatch=20, n_samples=3, alpha_L=1e-4), 3),
     RepeatedSettings(as_published(Settings(minibatch=20, n_samples=3, alpha_L=1e-4)), 2),
     RepeatedSettings(FineTuning(LEARNER, "mean"), 4),
