@@ -34,7 +34,7 @@ COLOURS = {
     "2-MGVT": "#CC79A7",
     "3-MGVT": "#009E73",
     "fine-tuned": "#6c4824",
-    "fine-tuned, greedy": "#94793a",
+    "fine-tuned source": "#94793a",
     "fine-tuned mean": "#66002d",
     "trust": "#7b61ff",
 }
@@ -51,7 +51,7 @@ STYLES: dict[str, LineStyleType] = {
     "2-MGVT": (0, (6.4, 1.6, 1, 1.6)),
     "3-MGVT": (0, (6, 1, 1, 1)),
     "fine-tuned": (0, (2, 1)),
-    "fine-tuned, greedy": (0, (2, 1, 1, 1)),
+    "fine-tuned source": (0, (2, 1, 1, 1)),
     "fine-tuned mean": (0, (8, 2)),
     "trust": (0, (12, 1)),
 }

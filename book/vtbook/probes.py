@@ -65,8 +65,7 @@ class CoverageProbe(Probe):
 
     States are uniform in the square, actions uniform. There are two truths: the planned optimal
     value, and the one planned with mellowmax, which is what the algorithms' TD errors ask for.
-    Noted are the shares inside (R, T, 2, levels), mean errors (R, T, 2) and how far apart the
-    components' means are (R, T), as a standard deviation of values, beside truths (R, 2).
+    Noted are the shares inside (R, T, 2, levels) and mean errors (R, T, 2), beside truths (R, 2).
     """
 
     def __init__(
@@ -88,9 +87,7 @@ class CoverageProbe(Probe):
     def _note(self, agent: VariationalTransfer) -> dict[str, Tensor]:
         values = values_at(self._q, self._samples(agent, SAMPLES), self._obs, self._action)
         shares, off = inside(values, self._truths), (values.mean(1) - self._truths).mean(-1)
-        means = values_at(self._q, agent.mu.detach().cpu(), self._obs, self._action)
-        apart = means.std(1, correction=0).mean(1)
-        return {"inside": shares.transpose(0, 1), "off": off.T, "apart": apart}
+        return {"inside": shares.transpose(0, 1), "off": off.T}
 
     @property
     def arrays(self) -> dict[str, np.ndarray]:

@@ -14,7 +14,7 @@ from vtlab.run import prepare, run_batch, targets
 FAMILY = RoomsFamily(rooms=2)
 Q = FAMILY.q()
 WEIGHTS = np.random.default_rng(0).standard_normal((3, Q.d)).astype(np.float32)
-COVERED = {"inside": (2, 2, 2, len(LEVELS)), "off": (2, 2, 2), "truth": (2, 2), "apart": (2, 2)}
+COVERED = {"inside": (2, 2, 2, len(LEVELS)), "off": (2, 2, 2), "truth": (2, 2)}
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -70,13 +70,3 @@ def test_a_wide_posterior_covers_more_than_a_narrow_one_which_errs_as_its_mean(r
     values = values_at(Q, agent.mu.detach(), probe._obs, probe._action)[:, 0]
     expected = (values - probe._truths).mean(-1).T
     np.testing.assert_allclose(probe.arrays["off"][:, 0], expected, atol=1e-4)
-    assert (probe.arrays["apart"] == 0).all()  # of one component
-
-
-def test_components_are_as_far_apart_as_their_values_deviate(rooms, probe):
-    agent = prepare(rooms, "2-MGVT", [0, 2], WEIGHTS).agent
-    probe.look(agent)
-    one, other = values_at(Q, agent.mu.detach(), probe._obs, probe._action).unbind(1)
-    # of two numbers: half their distance
-    expected = (one - other).abs().mean(-1) / 2
-    np.testing.assert_allclose(probe.arrays["apart"][:, 0], expected, rtol=1e-4)

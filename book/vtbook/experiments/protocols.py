@@ -15,8 +15,8 @@ from vtlib.checks import check_kind
 from vtlib.transfer import Settings
 
 KL_CLIP = 100.0
-# Fine-tuning by its labels: from one source, exploring as without transfer or hardly; or the mean.
-FINE_TUNED, FINE_TUNED_GREEDY, FROM_MEAN = "fine-tuned", "fine-tuned, greedy", "fine-tuned mean"
+# Fine-tuning by its labels: from one source, or from the mean of all.
+FINE_TUNED, FROM_MEAN = "fine-tuned source", "fine-tuned mean"
 
 
 def transfer_settings(experiment: Experiment, label: str) -> Settings:
@@ -63,8 +63,4 @@ def fine_tuning(learner: MellowTDSettings | DDQNSettings) -> dict[str, Algorithm
     """A learner without transfer, started from sources, by the labels above."""
     # hardly explores: what its start knows is all that it has
     greedy = evolve(learner, epsilon_start=learner.epsilon_end)
-    return {
-        FINE_TUNED: FineTuning(learner),
-        FINE_TUNED_GREEDY: FineTuning(greedy),
-        FROM_MEAN: FineTuning(greedy, "mean"),
-    }
+    return {FINE_TUNED: FineTuning(greedy), FROM_MEAN: FineTuning(greedy, "mean")}

@@ -8,7 +8,6 @@ from attrs import evolve
 from vtbook.experiments.grids import count_name, sliders_of
 from vtbook.experiments.protocols import (
     FINE_TUNED,
-    FINE_TUNED_GREEDY,
     as_published,
     fine_tuning,
     one_at_a_time,
@@ -89,8 +88,6 @@ ROOMS_DEVIATIONS = evolve(
         "GVT, jitter 1e-2": evolve(PUBLISHED_GVT, jitter=1e-2),
         "GVT, no clip at all": evolve(PUBLISHED_GVT, clip=None, kl_clip=None),
         "1-MGVT, no clip at all": evolve(PUBLISHED_MGVT, clip=None),
-        "GVT, sigma_min 1e-2": evolve(PUBLISHED_GVT, sigma_min=1e-2),
-        "1-MGVT, sigma_min 1e-2": evolve(PUBLISHED_MGVT, sigma_min=1e-2),
         "GVT, by the episode": evolve(PUBLISHED_GVT, act="episode"),
         "1-MGVT, by the episode": evolve(PUBLISHED_MGVT, act="episode"),
     },
@@ -159,7 +156,7 @@ def _by_count(experiment: Experiment, numbers: Sequence[int] = SOURCE_COUNTS) ->
     counted = {
         label: algorithm
         for label, algorithm in experiment.algorithms.items()
-        if algorithm.transfers and label not in (FINE_TUNED, FINE_TUNED_GREEDY)  # of one source
+        if algorithm.transfers and label != FINE_TUNED  # of one source
     }
     return evolve(
         experiment,
@@ -192,7 +189,6 @@ ROOMS_CALIBRATION = evolve(
     ROOMS_EVALUATION,
     name="rooms-calibration",
     algorithms={
-        "3-MGVT": evolve(PUBLISHED_MGVT, components=3),
         "GVT": PUBLISHED_GVT,
         "GVT, lambda 1e-6": evolve(PUBLISHED_GVT, lambda_=MGVT.lambda_),
         "1-MGVT": PUBLISHED_MGVT,

@@ -9,9 +9,7 @@ HERE = Path(__file__).resolve().parent
 RUNS = HERE / "runs.cpp"
 # The pages' modules, by the names of the kernels: each is page.cpp for a task of its own.
 PAGES = {"rooms": "Rooms", "cartpole": "Cartpole", "mountain_car": "MountainCar"}
-CALLS = (
-    "place begin_run iterate_run learning earned promise unpack step_stage"  # as in page.cpp
-)
+CALLS = "place begin_run iterate_run learning earned promise unpack step_stage"  # as in page.cpp
 
 
 def page_module(kernel: str) -> Path:
