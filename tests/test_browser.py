@@ -125,4 +125,4 @@ def test_claims_are_filtered_by_verdict_and_page(visit, page):
     assert shown.count() == first
     page.select_option(".scorecard select[name=page]", "mazes")
     assert shown.count() == 1
-    assert shown.locator("a").get_attribute("href") == "mazes.html#evidence"
+    assert shown.locator("a").get_attribute("href") == "mazes.html"

@@ -13,6 +13,13 @@ for (const root of document.querySelectorAll(".scorecard")) {
   };
   filter.hidden = false;
   filter.addEventListener("change", show);
-  chosen.find(({ name }) => name === "verdict").value = "not reproduced"; // what a reader asks first
-  show();
+  /* What a reader asks first; or the claims of the page that the reader comes from. */
+  const [verdict, page] = chosen, follow = () => {
+    const from = location.hash.replace("#claims-", "").replaceAll("-", "_");
+    page.value = [...page.options].some(({ value }) => value === from) ? from : "";
+    verdict.value = page.value ? "" : "not reproduced";
+    show();
+  };
+  addEventListener("hashchange", follow);
+  follow();
 }

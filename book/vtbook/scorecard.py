@@ -8,6 +8,7 @@ from vtbook import tables
 from vtbook.browser_panel import panel
 from vtbook.claims import NOT, REPRODUCED, STRONGER, UNDECIDED, VERDICTS, Claim
 from vtbook.plots import BookFigure, look
+from vtlab.stats import Interval
 
 COLOURS = {STRONGER: "#0072b2", REPRODUCED: "#009e73", UNDECIDED: "#e69f00", NOT: "#d55e00"}
 
@@ -29,7 +30,7 @@ def bar(pages: Mapping[str, Sequence[Claim]]) -> Figure:
 
 
 def lines(pages: Mapping[str, Sequence[Claim]]) -> str:
-    """HTML of the claims of pages: one line each, with its verdict and a link to its page.
+    """HTML of the claims of pages: one line each, which unfolds to its number.
 
     Without scripts all claims are shown, and no filter.
     """
@@ -50,8 +51,25 @@ def _title(page: str) -> str:
 
 
 def _line(page: str, claim: Claim) -> str:
+    """A claim with its verdict, and on click what decides about it."""
+    numbers = f"{claim.measure}: {claim.bounds}. Our runs: {_decisive(claim, claim.number)}"
+    if claim.overlap is not None:
+        numbers += f", met at {claim.overlap:.0%}"
+    if claim.printed is not None:
+        numbers += f". Published curve: {_decisive(claim, claim.printed)}"
+    whose = " (a claim of this book’s)" if claim.ours else ""
     return (
-        f"<li data-page='{page}' data-verdict='{claim.verdict}'>{tables.escape(claim.text)} "
-        f"<span class='verdict {claim.verdict.split()[0]}'>{claim.verdict}</span> "
-        f"<a href='{page}.html#evidence'>{_title(page)}</a></li>"
+        f"<li data-page='{page}' data-verdict='{claim.verdict}'><details><summary>"
+        f"{tables.escape(claim.text)}{whose} "
+        f"<span class='verdict {claim.verdict.split()[0]}'>{claim.verdict}</span></summary>"
+        f"<p>{tables.escape(numbers)}. <a href='{page}.html'>{_title(page)}</a></p></details></li>"
     )
+
+
+def _decisive(claim: Claim, number: Interval) -> str:
+    """A number with so many digits that its verdict follows from what is written."""
+    verdict = claim.judge(number)
+    for digits in (2, 3, 4):
+        if claim.judge(Interval(*(round(float(x), digits) for x in number))) == verdict:
+            break
+    return tables.words(number, f"z.{digits}f")

@@ -1,4 +1,4 @@
-"""Tables as HTML: claims with their verdicts, and numbers for the text."""
+"""Tables as HTML, counts of verdicts, and numbers for the text."""
 
 import html
 from collections.abc import Iterable, Sequence
@@ -41,55 +41,6 @@ def heat_table(head: Row, rows: Iterable[Row], behind: np.ndarray, caption: str)
             look += "; font-weight: bold" * bool(share < 0.03)
         table = table.replace("<td>", f"<td style='{look}'>", 1)
     return table
-
-
-OURS, PUBLISHED = "Our runs", "Published curve"
-MET = (
-    "<em>Met</em>: the share of iterations at which our interval meets the published one; "
-    "the smallest such share where a claim compares several curves."
-)
-
-
-def claims_table(claims: Sequence[Claim]) -> str:
-    """Claims with what decides about them: the number, its bounds, and the verdict."""
-    printed = any(x.printed is not None for x in claims)
-    heads = ["Claim, and the number that decides", OURS, *[PUBLISHED] * printed]
-    head = "".join(f"<th scope='col'>{x}</th>" for x in heads)
-    rows = "".join(_claim_row(x, printed) for x in claims)
-    body = f"<thead><tr>{head}</tr></thead><tbody>{rows}</tbody>"
-    caption = f"<caption>{MET}</caption>" if "<br>met at" in body else ""
-    return f"<table class='claims'>{caption}{body}</table>"
-
-
-def _claim_row(claim: Claim, printed: bool) -> str:
-    ours = " <em>(a claim of this book’s)</em>" if claim.ours else ""
-    decides = f"<small>{escape(claim.measure)}: {claim.bounds}</small>"
-    number = escape(_decisive(claim, claim.number))
-    if claim.overlap is not None:
-        number += f"<br>met at {claim.overlap:.0%}"
-    # The first word of the verdict is a class, by which the book colours its cell.
-    cells = f"<td class='verdict {claim.verdict.split()[0]}'>{_on_phones(OURS)}{claim.verdict}"
-    cells += f"<br><small>{number}</small></td>"
-    if claim.printed is not None:
-        number = _on_phones(PUBLISHED) + escape(_decisive(claim, claim.printed))
-        cells += f"<td><small>{number}</small></td>"
-    elif printed:
-        cells += "<td></td>"
-    return f"<tr><th scope='row'>{escape(claim.text)}{ours}<br>{decides}</th>{cells}</tr>"
-
-
-def _decisive(claim: Claim, number: Interval) -> str:
-    """A number with so many digits that its verdict follows from what is written."""
-    verdict = claim.judge(number)
-    for digits in (2, 3, 4):
-        if claim.judge(Interval(*(round(float(x), digits) for x in number))) == verdict:
-            break
-    return words(number, f"z.{digits}f")
-
-
-def _on_phones(head: str) -> str:
-    """What a column is called, in each cell, where the table's head is not shown."""
-    return f"<span class='head'>{head}: </span>"
 
 
 def fact_verdicts(claims: Iterable[Claim]) -> list[str]:
