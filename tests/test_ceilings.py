@@ -24,13 +24,13 @@ WORDS = {
     "rooms_number_of_sources": 185,
     "cartpole": 335,
     "mountain_car": 470,
-    "mazes": 515,
+    "mazes": 520,
     "prior_weight": 340,
     "calibration": 460,
     "controls": 775,
     "comparison": 445,
     "recommended": 860,
-    "guide": 535,
+    "guide": 550,
     "conclusions": 455,
 }
 APPENDIX = "parameters", "scorecard", "deviations", "reproducing", "glossary"

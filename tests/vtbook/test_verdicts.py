@@ -23,7 +23,7 @@ def test_claims_that_one_number_decides_count_as_one_fact(page):
 def test_every_claim_can_be_told_once_and_the_published_curves_keep_it(page):
     claims = verdicts.PAGES[page]()
     assert len({(claim.text, claim.measure) for claim in claims}) == len(claims) > 0
-    assert f"verdicts.{page}()" in (BOOK / f"{page}.md").read_text(encoding="utf-8")
+    assert f"<claims-{page}>" in (BOOK / f"{page}.md").read_text(encoding="utf-8")
     for claim in claims:
         assert claim.low <= claim.high
         assert np.isfinite([claim.low, claim.high]).any()
