@@ -8,13 +8,15 @@ covariance that stays the prior's, as a point under a prior of the same strength
 without one. Settings were fixed before any run was looked at; the point without a prior, and the
 rivals with eight updates, were added when the others had been seen. Last came, on cartpole and on
 mountain car, sources that overestimate: all their values are too high by half of the way from the
-worst return to the best.
+worst return to the best; and on the same cartpoles sources that DDQN solved, or each from first
+weights of its own.
 """
 
 from attrs import evolve
 
+from vtbook.experiments.cartpole import CARTPOLE_OTHER_SOURCES
 from vtbook.experiments.controls import without_parts
-from vtbook.experiments.trust import EIGHT, PICKED, PLACES, Place
+from vtbook.experiments.trust import EIGHT, OURS, PICKED, PLACES, Place
 from vtbook.neighbours import RepeatedSettings, VariedTrust
 from vtlab.experiment import Algorithm, Experiment
 from vtlib.trust import Trust
@@ -48,4 +50,16 @@ PARTS: dict[str, Experiment] = {
         place.experiment, name=f"{place.experiment.name}-parts", algorithms=_algorithms(place)
     )
     for place in PLACES
+}
+
+_POLES = PLACES[2].experiment
+#: On cartpole, by what is different about the sources.
+OTHER_SOURCES: dict[str, Experiment] = {
+    key: evolve(
+        _POLES,
+        name=f"cartpole-trust-{key}",
+        pool=other.pool,
+        algorithms={x: _POLES.algorithms[x] for x in (OURS, "untouched", "1-MGVT", PICKED)},
+    )
+    for key, other in CARTPOLE_OTHER_SOURCES.items()
 }
