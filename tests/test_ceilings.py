@@ -31,7 +31,7 @@ WORDS = {
     "comparison": 445,
     "recommended": 860,
     "guide": 550,
-    "conclusions": 455,
+    "conclusions": 485,
 }
 APPENDIX = "parameters", "scorecard", "deviations", "reproducing", "glossary"
 APPENDIX_WORDS = 1850
