@@ -16,7 +16,7 @@ WORDS = {
     "setting": 480,
     "related": 755,
     "method": 1020,
-    "experiments": 180,
+    "experiments": 190,
     "rooms_evaluation": 560,
     "rooms_distribution_change": 295,
     "rooms_exploration": 315,
