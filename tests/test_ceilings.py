@@ -14,7 +14,7 @@ WORDS = {
     "introduction": 705,
     "background": 760,
     "setting": 480,
-    "related": 755,
+    "related": 800,
     "method": 1020,
     "experiments": 190,
     "rooms_evaluation": 560,
@@ -30,7 +30,7 @@ WORDS = {
     "controls": 775,
     "comparison": 445,
     "recommended": 860,
-    "guide": 550,
+    "guide": 620,
     "conclusions": 485,
 }
 APPENDIX = "parameters", "scorecard", "deviations", "reproducing", "glossary"
