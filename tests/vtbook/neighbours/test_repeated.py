@@ -1,9 +1,9 @@
-"""Several updates a step: one is the algorithm itself, more go further."""
+"""Several updates a step, of which one is the algorithm itself; sources that promise too much."""
 
 import pytest
 import torch
 
-from vtbook.neighbours import RepeatedSettings
+from vtbook.neighbours import RepeatedSettings, VariedTrust
 from vtlib.baselines import FineTuning, MellowTDSettings
 from vtlib.qfunctions import MLP
 from vtlib.replay import Transition
@@ -36,3 +36,9 @@ def test_each_update_is_a_step_of_adam_and_there_is_one_at_least():
         assert moved == pytest.approx(updates * TUNING.learner.alpha, rel=0.02)
     with pytest.raises(ValueError, match="updates must"):
         RepeatedSettings(TUNING, 0)
+
+
+def test_optimism_raises_every_value_of_the_sources():
+    sources, x = torch.randn(1, 4, Q.d), Q.prepare(torch.randn(1, 6, 3))
+    agent = VariedTrust(optimism=2.0).agent(Q, sources, 3, Rng("varied", [0]))
+    torch.testing.assert_close(Q.q(agent._sources, x), Q.q(sources, x) + 2)
