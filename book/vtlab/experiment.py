@@ -98,8 +98,8 @@ class Experiment:
     visit; ``probe`` makes, of an experiment, a label, some runs and their tasks, what looks at the
     agents at each record, by ``look(agent)``, in so many places as ``probes`` says; its ``arrays``
     over the runs are stored with the returns. A mixture's greedy return is earned by its mean
-    Q-function, or is the mean over ``each`` of its components. Raises ValueError for a value
-    outside its range.
+    Q-function, or is the mean over ``each`` of its components; without ``greedy`` none is recorded.
+    Raises ValueError for a value outside its range.
     """
 
     name: str = field(validator=_named)
@@ -118,6 +118,7 @@ class Experiment:
     probes: int = field(default=0, validator=checks.whole(0))
     probe: Callable[..., Any] | None = None
     each: bool = field(default=False, validator=checks.kind(bool))
+    greedy: bool = field(default=True, validator=checks.kind(bool))
 
     def __attrs_post_init__(self) -> None:
         # sources can serve only tasks with the same Q-function

@@ -25,7 +25,7 @@ class Batch:
 
     agent: Agent
     episodes: Episodes
-    evaluate: Evaluation
+    evaluate: Callable[[Tensor], Tensor | None]
 
 
 def targets(experiment: Experiment, runs: Sequence[int]) -> TaskBatch:
@@ -54,7 +54,10 @@ def prepare(experiment: Experiment, label: str, runs: Sequence[int], weights: np
     )
 
 
-def _evaluation(experiment: Experiment, runs: Sequence[int]) -> Evaluation:
+def _evaluation(experiment: Experiment, runs: Sequence[int]) -> Callable[[Tensor], Tensor | None]:
+    """What tells the greedy returns (R,) of weights, or None where they are not recorded."""
+    if not experiment.greedy:
+        return lambda mu: None
     q, rng = experiment.family.q(), Rng(experiment.stream, runs)
     over = "each" if experiment.each else "mean"
     return Evaluation(q, targets(experiment, runs), rng, EVALUATION_EPISODES, over)
@@ -94,7 +97,7 @@ def run_batch(
         if experiment.probe is not None:
             probe = experiment.probe(experiment, label, runs, targets(experiment, runs))
 
-        def evaluate(mu: Tensor) -> Tensor:
+        def evaluate(mu: Tensor) -> Tensor | None:
             if probe is not None:
                 probe.look(batch.agent)
             return batch.evaluate(mu)

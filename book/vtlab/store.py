@@ -30,7 +30,7 @@ Arrays = dict[str, np.ndarray]
 Note = dict[str, Any]  # plain JSON values
 # The fields that an experiment's targets depend on, and those that only its runs depend on.
 OF_TASKS = ("family", "runs", "sources", "stream", "runs_per_task", "excluded")
-OF_RUNS = ("iterations", "every", "visits", "probes", "each")
+OF_RUNS = ("iterations", "every", "visits", "probes", "each", "greedy")
 
 
 def results_folder() -> Path:

@@ -17,7 +17,7 @@ FINGERPRINTS = (1, 49, 199)  # iterations within an episode: at its end all runs
 def train(
     agent: Agent,
     episodes: Episodes,
-    evaluate: Callable[[Tensor], Tensor],
+    evaluate: Callable[[Tensor], Tensor | None],
     iterations: int,
     every: int,
     names: list[str],
@@ -25,9 +25,9 @@ def train(
 ) -> dict[str, np.ndarray]:
     """Run the loop for a number of iterations, evaluating every so many of them.
 
-    names (R,) are used in errors. progress is told the iteration at each evaluation and stops the
-    loop by returning False. Gives what ``recorded`` gives. Raises Diverged when weights are
-    not finite.
+    names (R,) are used in errors. evaluate gives the greedy returns (R,), or None for none.
+    progress is told the iteration at each evaluation and stops the loop by returning False. Gives
+    what ``recorded`` gives. Raises Diverged when weights are not finite.
     """
     times, learning, greedy, prints = [], [], [], []
     for t in itertools.islice(iterate(agent, episodes), iterations):
@@ -37,7 +37,7 @@ def train(
             check_finite(agent.mu, names, t)
             times.append(t)
             learning.append(episodes.returns.mean().numpy())
-            greedy.append(evaluate(agent.mu).numpy())
+            greedy.append(evaluate(agent.mu))
             if progress is not None and not progress(t):
                 break
     return recorded(len(names), times, learning, greedy, prints)
@@ -47,10 +47,12 @@ def recorded(
     runs: int, times: Any, learning: Any, greedy: Any, prints: Any
 ) -> dict[str, np.ndarray]:
     """What was recorded at T times: iterations (T,), returns (R, T), fingerprints (R, 3, 4)."""
+    kinds = {"learning": learning}
+    if not any(x is None for x in greedy):
+        kinds["greedy"] = [x.numpy() for x in greedy]
     return {
         "iterations": np.array(times),
-        "learning": np.array(learning, np.float32).reshape(-1, runs).T,
-        "greedy": np.array(greedy, np.float32).reshape(-1, runs).T,
+        **{kind: np.array(x, np.float32).reshape(-1, runs).T for kind, x in kinds.items()},
         "fingerprints": np.array(prints).reshape(-1, runs, 4).swapaxes(0, 1),
     }
 

@@ -19,7 +19,7 @@ NO_KIND = [None, 3, "rooms", object]
 BY_KIND = [
     ("name stream", NO_NAME),
     ("count limit check_every episodes attempts iterations", NO_WHOLE),
-    ("common as_targets visits each", [0, 1, "True", None]),
+    ("common as_targets visits each greedy", [0, 1, "True", None]),
     ("family pool", NO_KIND),
 ]
 NT = MellowTDSettings(epsilon_steps=100)

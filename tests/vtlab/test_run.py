@@ -76,6 +76,19 @@ def test_the_greedy_return_of_a_mixture_is_of_its_mean_or_of_each_component(tiny
     )
 
 
+@pytest.mark.parametrize("label", ["DDQN", "2-MGVT"])
+def test_greedy_returns_are_left_out_where_no_one_asks_and_nothing_else_changes(
+    tiny, weights, label
+):
+    plain, lean = (
+        run_batch(evolve(tiny, greedy=greedy), label, range(3), weights) for greedy in (True, False)
+    )
+    del plain["greedy"]
+    assert list(plain) == list(lean)
+    for key in plain:
+        np.testing.assert_array_equal(plain[key], lean[key])
+
+
 def test_visits_are_kept_where_they_are_asked_for_and_disturb_nothing(tiny, weights):
     plain = run_batch(tiny, "DDQN", range(3), weights)
     kept = run_batch(evolve(tiny, visits=True), "DDQN", range(3), weights)

@@ -137,6 +137,7 @@ class Compared:
             iterations=self.iterations,
             every=50,
             runs_per_task=1,
+            greedy=False,
         )
 
 

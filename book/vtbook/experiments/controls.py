@@ -59,6 +59,7 @@ def control(experiment: Experiment, runs: int, iterations: int, **fields: Any) -
         algorithms=variants(experiment),
         runs=runs,
         iterations=iterations,
+        greedy=False,
         **fields,
     )
 

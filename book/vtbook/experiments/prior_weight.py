@@ -42,6 +42,7 @@ def weighted(experiment: Experiment, runs: int, runs_per_task: int = 1) -> Exper
         runs=runs,
         runs_per_task=runs_per_task,
         iterations=ITERATIONS,
+        greedy=False,
     )
 
 

@@ -122,6 +122,7 @@ _LABYRINTH = evolve(
     runs=RUNS,
     iterations=ITERATIONS,
     every=100,
+    greedy=False,
 )
 PLACES = (
     Place(

@@ -226,7 +226,7 @@ class NativeRun:
 
 def train_natively(
     runs: Sequence[NativeRun],
-    evaluate: Callable[[Tensor], Tensor],
+    evaluate: Callable[[Tensor], Tensor | None],
     iterations: int,
     every: int,
     names: list[str],
@@ -250,7 +250,7 @@ def train_natively(
                 check_finite(mu, names, t)
                 measured.append(t)
                 learning.append([run.learning for run in runs])
-                greedy.append(evaluate(mu).numpy())
+                greedy.append(evaluate(mu))
                 if progress is not None and not progress(t):
                     break
     return recorded(len(runs), measured, learning, greedy, prints)
