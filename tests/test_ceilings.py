@@ -29,9 +29,9 @@ WORDS = {
     "calibration": 460,
     "controls": 775,
     "comparison": 445,
-    "recommended": 860,
-    "guide": 620,
-    "conclusions": 485,
+    "recommended": 720,
+    "guide": 690,
+    "conclusions": 410,
 }
 APPENDIX = "parameters", "scorecard", "deviations", "reproducing", "glossary"
 APPENDIX_WORDS = 1850

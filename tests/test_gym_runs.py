@@ -11,7 +11,7 @@ import torch
 from vtlib import playing
 from vtlib.baselines import DDQNSettings, FineTuning, MellowTDSettings
 from vtlib.files import TornResult
-from vtlib.gym_runs import resume, solve, transfer
+from vtlib.gym_runs import keep_best, resume, solve, transfer
 from vtlib.learned import Learned
 from vtlib.playing import evaluate
 from vtlib.promises import Record
@@ -190,6 +190,30 @@ def test_an_interrupt_returns_what_was_learned(learn):
 def test_evaluate_discounts_the_rewards_of_whole_episodes():
     earned = evaluate([Corridor(), Corridor(3)], Q, BOTH[[1, 1]].unsqueeze(1), 2, gamma=0.5)
     assert earned.tolist() == [[1.9375] * 2, [1.75] * 2]
+
+
+def wins(share: float) -> gym.Env:
+    """An environment of one step in which action 1 pays 1, and action 0 in that share of cases."""
+    coin = np.random.default_rng(0)
+    pay = gym.wrappers.TransformReward
+    return pay(Corridor(1), lambda reward: max(reward, float(coin.random() < share)))
+
+
+@pytest.mark.parametrize(
+    ("share", "learned", "kept"),
+    [(0.0, 1, True), (0.5, 1, True), (1.0, 1, False), (0.5, 0, False), (0.0, 0, False)],
+)
+def test_fresh_episodes_decide_what_is_kept_and_a_tie_keeps_the_source(share, learned, kept):
+    before = transfer([wins(share)], Q, always(0).expand(2, -1), 100)
+    unit = before.state["sources"].square().mean().sqrt()
+    means = always(learned).view(1, 1, -1) / unit
+    before = attrs.evolve(before, state=before.state | {"means": means})
+    after = keep_best(before, [wins(share)], episodes=50)
+    assert after.improved.tolist() == [kept]
+    torch.testing.assert_close(after.weights[0, 0], always(learned if kept else 0))
+    assert after.steps.tolist() == [100 + 2 * 50]
+    # it goes on as if it had not been judged
+    assert torch.equal(after.state["means"], before.state["means"])
 
 
 def test_learning_goes_on_from_what_was_learned(tmp_path):

@@ -15,7 +15,7 @@ from vtlib.baselines import DDQNSettings, FineTuning, MellowTDSettings
 from vtlib.checks import check_kind, check_weights, check_whole, shown
 from vtlib.episodes import GymEpisodes
 from vtlib.learned import Learned
-from vtlib.playing import episodes_of
+from vtlib.playing import episodes_of, play
 from vtlib.qfunctions import QFunction
 from vtlib.rng import Rng
 from vtlib.training import Agent, arithmetic, check_finite, iterate
@@ -125,17 +125,9 @@ def resume(
     Raises as ``solve``, and ValueError where ``learned`` is not what ``Trust`` has learned, or does
     not know its Q-function.
     """
-    check_kind("learned", learned, Learned)
     check_run(iterations, seed, callback)
-    check_kind("the settings of learned", learned.settings, Trust)
-    settings, state = learned.settings, cast(dict[str, Tensor], learned.state)
-    q = cast(QFunction, learned.q)  # which episodes_of refuses where it is none
-    name = f"resume {seed} after {int(learned.steps.max())}"
-    episodes, rng = episodes_of(envs, q, name, settings.gamma), Rng(name, range(len(envs)))
-    if len(envs) != (runs := len(learned.weights)):
-        raise ValueError(f"envs must be {runs}, one for each run of learned, got {len(envs)}")
-    agent = settings.agent(q, state["sources"], episodes.obs_dim, rng)
-    agent.restore(state)
+    agent, episodes, name = _restored(learned, envs, f"resume {seed}")
+    q, settings = cast(QFunction, learned.q), learned.settings
     more = _learn(agent, episodes, iterations, name, callback, progress, q, settings)
     return evolve(
         more,
@@ -143,6 +135,46 @@ def resume(
         returns=torch.cat([learned.returns, more.returns], 1),
         steps=learned.steps + more.steps,
     )
+
+
+@arithmetic()
+def keep_best(
+    learned: Learned, envs: Sequence[gymnasium.Env], episodes: int = 20, *, seed: int = 0
+) -> Learned:
+    """Decide by fresh greedy episodes what ``Trust`` keeps: what it has learned, or a source.
+
+    Each plays so many, the source that has earned most, and what was learned is kept where its mean
+    return is higher by more than a standard error. The steps count. Raises as ``resume``.
+    """
+    check_whole("episodes", episodes)
+    check_whole("seed", seed, 0)
+    agent, lock, _ = _restored(learned, envs, f"keep {seed}")
+    q, gamma = cast(QFunction, learned.q), learned.settings.gamma
+    mu = agent.learned.mu.cpu()
+    source = agent.best_source.expand_as(mu)
+    (mine, first), (theirs, second) = (play(lock, q, w, episodes, gamma) for w in (mu, source))
+    error = torch.hypot(mine.std(1, correction=0), theirs.std(1, correction=0)) / episodes**0.5
+    improved = mine.mean(1) - theirs.mean(1) > error
+    weights = torch.where(improved.view(-1, 1, 1), mu, source)
+    steps = learned.steps + first + second
+    return evolve(learned, weights=weights, improved=improved, steps=steps)
+
+
+def _restored(
+    learned: Learned, envs: Sequence[gymnasium.Env], name: str
+) -> tuple[Trusting, GymEpisodes, str]:
+    """The agent that has learned, environments for it, and what their random numbers are of."""
+    check_kind("learned", learned, Learned)
+    check_kind("the settings of learned", learned.settings, Trust)
+    settings, state = learned.settings, cast(dict[str, Tensor], learned.state)
+    q = cast(QFunction, learned.q)  # which episodes_of refuses where it is none
+    name = f"{name} after {int(learned.steps.max())}"
+    episodes, rng = episodes_of(envs, q, name, settings.gamma), Rng(name, range(len(envs)))
+    if len(envs) != (runs := len(learned.weights)):
+        raise ValueError(f"envs must be {runs}, one for each run of learned, got {len(envs)}")
+    agent = settings.agent(q, state["sources"], episodes.obs_dim, rng)
+    agent.restore(state)
+    return agent, episodes, name
 
 
 def _learn(

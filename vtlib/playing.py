@@ -35,7 +35,14 @@ def evaluate(
     check_whole("seed", seed, 0)
     lock = episodes_of(envs, q, f"evaluate {seed}", gamma)
     check_weights("weights", weights, len(envs), "component", q.d)
-    runs = len(weights)
+    return play(lock, q, weights, episodes, gamma)[0]
+
+
+def play(
+    lock: GymEpisodes, q: QFunction, weights: Tensor, episodes: int, gamma: float
+) -> tuple[Tensor, int]:
+    """Discounted returns (R, episodes) as ``evaluate`` gives them, and how many steps they took."""
+    runs, steps = len(weights), 0
     running, discount = torch.zeros(runs), torch.ones(runs)
     count = torch.zeros(runs, dtype=torch.int64)
     since = torch.zeros_like(count)
@@ -45,6 +52,7 @@ def evaluate(
         running += discount * lock.step(action).reward
         discount *= gamma
         since += 1
+        steps += 1
         for row in (lock.fresh & (count < episodes)).nonzero().flatten().tolist():
             returns[row, count[row]] = running[row]
             count[row] += 1
@@ -52,7 +60,7 @@ def evaluate(
         if int(since.max()) > LONGEST:
             fault = f"envs must end their episodes, got {LONGEST:,} steps without an end"
             raise ValueError(f"{fault}: gymnasium.wrappers.TimeLimit ends them")
-    return returns
+    return returns, steps
 
 
 def episodes_of(
