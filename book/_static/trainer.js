@@ -71,8 +71,11 @@ class Chart {
 
   /* The curve of this setting, or its mean over seeds, stays where it is until it is let go. */
   pin(on) {
-    const now = this.svg.querySelector(this.svg.matches(".many") ? ".mean.transfer" : ".run.transfer");
-    this.svg.querySelector(".pinned").setAttribute("points", on ? now.getAttribute("points") : "");
+    this.svg.querySelector(".pinned").setAttribute("points", on ? this.drawn : "");
+  }
+
+  get drawn() {
+    return this.svg.querySelector(this.svg.matches(".many") ? ".mean.transfer" : ".run.transfer").getAttribute("points");
   }
 
   /* A value that is not a number was not measured, and is not drawn. */
@@ -159,6 +162,7 @@ class Panel {
     onClick(".pin", ({ target }) => this.pin(target));
     for (const button of this.root.querySelectorAll(".preset")) {
       button.addEventListener("click", () => {
+        if (!this.pinned && this.chart.drawn) this.pin(this.find(".pin")); // to compare with
         this.set(JSON.parse(button.dataset.state));
         this.press(button);
         this.find(".look").textContent = button.dataset.look;
