@@ -30,7 +30,7 @@ WORDS = {
     "controls": 775,
     "comparison": 445,
     "recommended": 720,
-    "guide": 690,
+    "guide": 700,
     "conclusions": 410,
 }
 APPENDIX = "parameters", "scorecard", "deviations", "reproducing", "glossary"

@@ -2,7 +2,7 @@
 "use strict";
 
 (function () {
-  const A_SECOND = 200; // steps that are played in a second
+  const A_SECOND = 400; // steps that are played in a second
   const TRAIL = 40; // steps whose way is drawn as a line
 
   class Square {
