@@ -27,16 +27,16 @@ WORDS = {
     "mazes": 520,
     "prior_weight": 340,
     "calibration": 460,
-    "controls": 775,
-    "comparison": 445,
-    "recommended": 720,
+    "controls": 700,
+    "comparison": 330,
+    "recommended": 690,
     "guide": 700,
-    "conclusions": 410,
+    "conclusions": 405,
 }
 APPENDIX = "parameters", "scorecard", "deviations", "reproducing", "glossary"
 APPENDIX_WORDS = 1850
 BYTES = 900e3
-INTERVALS = 40
+INTERVALS = 20
 NUMBERS = 2  # in a sentence, an interval not counted: it belongs to the number before it
 # What stands on a page and is no prose.
 ELSE = "figure, table, pre, details, .admonition, .cell, script, style, div.math, .page-note"
