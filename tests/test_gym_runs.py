@@ -216,6 +216,16 @@ def test_fresh_episodes_decide_what_is_kept_and_a_tie_keeps_the_source(share, le
     assert torch.equal(after.state["means"], before.state["means"])
 
 
+def test_what_is_judged_second_plays_whole_episodes_too():
+    envs = [Corridor(3), Corridor(5)]  # the second ends within an episode of the first
+    before = transfer(envs, Q, always(1).expand(2, -1), 100)
+    unit = before.state["sources"].square().mean().sqrt()
+    means = (always(1) / unit).expand(2, 1, -1)
+    after = keep_best(attrs.evolve(before, state=before.state | {"means": means}), envs)
+    assert not after.improved.any()
+    assert after.steps.tolist() == [100 + 2 * 20 * 5] * 2
+
+
 def test_learning_goes_on_from_what_was_learned(tmp_path):
     transfer([Corridor()], Q, BOTH, 120).save(tmp_path / "learned.npz")
     learned = Learned.load(tmp_path / "learned.npz")

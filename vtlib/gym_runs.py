@@ -148,11 +148,14 @@ def keep_best(
     """
     check_whole("episodes", episodes)
     check_whole("seed", seed, 0)
-    agent, lock, _ = _restored(learned, envs, f"keep {seed}")
+    agent, _, name = _restored(learned, envs, f"keep {seed}")
     q, gamma = cast(QFunction, learned.q), learned.settings.gamma
     mu = agent.learned.mu.cpu()
     source = agent.best_source.expand_as(mu)
-    (mine, first), (theirs, second) = (play(lock, q, w, episodes, gamma) for w in (mu, source))
+    # environments that begin anew: some are within an episode when the last of them has ended
+    (mine, first), (theirs, second) = (
+        play(episodes_of(envs, q, name, gamma), q, w, episodes, gamma) for w in (mu, source)
+    )
     error = torch.hypot(mine.std(1, correction=0), theirs.std(1, correction=0)) / episodes**0.5
     improved = mine.mean(1) - theirs.mean(1) > error
     weights = torch.where(improved.view(-1, 1, 1), mu, source)
