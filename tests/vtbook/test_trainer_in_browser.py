@@ -153,6 +153,9 @@ def test_the_stories_of_the_first_page_are_as_their_lines_say(opened):
         assert finished(panel)["transfer"] < 0.05  # a story begins at once
         panel.get_by_label("mixture (MGVT)").check()
         assert trained(panel)["transfer"] > 0.7
+    assert panel.locator(".chart .pinned").get_attribute("points")  # what came before stays
+    panel.get_by_role("button", name="Trust").click()
+    assert finished(panel)["transfer"] > 0.6  # of what it has learned, for the sources fail
     panel.get_by_role("button", name="as published").click()
     assert panel.get_by_label("number of sources").input_value() == "10"
     assert panel.get_by_label("mixture (MGVT)").is_checked()
