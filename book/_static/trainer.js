@@ -174,6 +174,7 @@ class Panel {
     this.find("[name=rate]").addEventListener("change", () => this.running && this.go());
     this.form.addEventListener("submit", (event) => event.preventDefault());
     this.form.addEventListener("input", ({ target }) => {
+      if (!target.closest(".pull, .choices")) return; // the stage's controls tell of themselves
       if (target.name === "family") this.setFamily();
       this.press();
       if (target.name !== "keep") this.begin();

@@ -1,4 +1,4 @@
-"""One look for every figure: a colour per algorithm, bands for intervals, the optimum dashed."""
+"""One look for every figure: a colour per algorithm, bands for intervals, the optimum a thin line."""
 
 import io
 import os
@@ -144,7 +144,7 @@ def curve(label: str, algorithm: str, iterations: np.ndarray, returns: np.ndarra
 
 
 def draw_curves(ax: Axes, curves: list[Curve], optimum: float | None = None) -> None:
-    """Mean over runs with the 95 % interval shaded, and the planned optimum dashed."""
+    """Mean over runs with the 95 % interval shaded, and the planned optimum as a thin line."""
     for curve in curves:
         at, colour, band = curve.iterations, curve.colour, mean_interval(curve.returns)
         ax.fill_between(at, band.low, band.high, color=colour, alpha=0.18, lw=0)
@@ -152,7 +152,7 @@ def draw_curves(ax: Axes, curves: list[Curve], optimum: float | None = None) -> 
         look = dict[str, Any](color=colour, ls=curve.style, label=curve.label, marker=mark)
         ax.plot(at, band.centre, **look)
     if optimum is not None:
-        ax.axhline(optimum, color=OPTIMUM, ls="--", lw=1.1, label="planned optimum")
+        ax.axhline(optimum, color=OPTIMUM, lw=0.8, label="planned optimum")
     ax.set_xlabel("thousand iterations")
     ax.xaxis.set_major_formatter(lambda x, _: f"{x / 1000:g}")
     ax.set_xlim(0, curves[0].iterations[-1])
@@ -208,7 +208,7 @@ def returns_figure(
     kinds: Mapping[str, str] = KINDS,
     width: float = 7.6,
 ) -> BookFigure:
-    """Returns {algorithm: stored ones} with the mean optimum dashed; a width in inches."""
+    """Returns {algorithm: stored ones} with the mean optimum; a width in inches."""
     with look():
         return learning_figure(panels(runs, kinds), mean_optimum(runs), limits, width)
 

@@ -2,6 +2,7 @@
 
 import itertools
 import re
+import textwrap
 from pathlib import Path
 
 import gymnasium
@@ -13,9 +14,10 @@ PAGE = Path(__file__).resolve().parents[2] / "book" / "controls.md"
 
 
 def test_the_code_of_each_control_runs():
-    blocks = re.findall(r"^```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.M | re.S)
+    blocks = re.findall(r"^ *```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.M | re.S)
     assert len(blocks) == 7
-    code = re.sub(r"\b\d+_000\b", "70", "".join(blocks)).replace("episodes=100", "episodes=2")
+    code = "".join(textwrap.dedent(re.sub(r" *\Z", "", block)) for block in blocks)
+    code = re.sub(r"\b\d+_000\b", "70", code).replace("episodes=100", "episodes=2")
     envs = [gymnasium.make("CartPole-v1", max_episode_steps=20) for _ in range(2)]
     names = {name: getattr(vtlib, name) for name in vtlib.__all__}
     names |= {"envs": envs, "old_envs": envs, "tuning_envs": envs, "q": vtlib.MLP((4, 4, 2))}

@@ -114,7 +114,7 @@ NUMBERS = [
     ("controls", f"mean, three rooms {HALF}", points, ROOMS + "-controls", "1-MGVT", MEAN),
     ("comparison", f"untouched {RANGE}, less", gain, ROOMS + "-compared", "untouched", "1-MGVT"),
     ("recommended", f"untouched: {RANGE}", gain, POLE + "-trust", "trust", "untouched"),
-    ("recommended", f"no sources: {RANGE}", gain, MAZE + "-trust", "trust", "NT"),
+    ("recommended", f"no transfer: {RANGE}", gain, MAZE + "-trust", "trust", "NT"),
     ("calibration", f"with one component, contain {RANGE}", held, "1-MGVT", 2),
 ]
 
