@@ -1,4 +1,4 @@
-"""One look for every figure: a colour per algorithm, bands for intervals, the optimum a thin line."""
+"""One look for every figure: a colour per algorithm, bands for intervals, a thin optimum."""
 
 import io
 import os
