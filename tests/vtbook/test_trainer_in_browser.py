@@ -74,6 +74,7 @@ def test_training_stops_at_once_steps_and_begins_anew(opened):
     paused = int(panel.locator(".iteration").inner_text().replace(",", ""))
     panel.get_by_role("button", name="Step").click()
     shows(panel, ".iteration", f"^{paused + 1:,}$")
+    panel.locator(".more > summary").click()
     panel.get_by_label("keep what was learned when a door moves").check()
     panel.locator(".door").first.press("End")
     assert panel.locator(".marks line").count() == 1
