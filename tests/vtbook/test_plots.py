@@ -80,16 +80,16 @@ def spans(shade, at, low, high):
     return np.abs(corners - wanted[:, None]).max(2).min(1).max() < 1e-9
 
 
-def test_a_figure_draws_each_kind_of_return_with_its_band_and_the_optimum_dashed(monkeypatch):
+def test_a_figure_draws_each_kind_of_return_with_its_band_and_a_solid_optimum(monkeypatch):
     stored = runs(0)
     figure = plots.returns_figure({"NT": stored, "GVT": runs(1)}, (-0.02, 0.9))
     at = stored.iteration.values
     for ax, kind in zip(figure.axes, plots.KINDS.values(), strict=True):
         band = mean_interval(stored[kind].values)
-        line, _, dashed, _, _, ends, _ = ax.get_lines()
+        line, _, optimum, _, _, ends, _ = ax.get_lines()
         np.testing.assert_allclose(line.get_data(), [at, band.centre])
         assert spans(shades(ax)[0], at, band.low, band.high)
-        assert (dashed.get_linestyle(), set(dashed.get_ydata())) == ("--", {0.75})
+        assert (optimum.get_linestyle(), set(optimum.get_ydata())) == ("-", {0.75})
         np.testing.assert_array_equal(ends.get_ydata(), stored[kind].values[:, -1])
         assert to_hex(line.get_color()) == to_hex(ends.get_color()) == COLOURS["NT"]
         assert ax.get_ylim() == (-0.02, 0.9)
