@@ -213,6 +213,20 @@ def returns_figure(
         return learning_figure(panels(runs, kinds), mean_optimum(runs), limits, width)
 
 
+def draw_shares(
+    ax: Axes, runs: Mapping[str, Dataset], places: Mapping[str, tuple[float, float]], title: str
+) -> None:
+    """Learning returns as shares of the mean optimum, with each name in its colour at a place."""
+    shares = {label: stored.learning / mean_optimum(runs) for label, stored in runs.items()}
+    curves = [curve(x, x, share.iteration.values, share.values) for x, share in shares.items()]
+    draw_curves(ax, curves)
+    for label, (x, y) in places.items():
+        ax.text(x, y, label.replace("NT", "no transfer"), color=COLOURS[label])
+    ax.yaxis.set_major_formatter(lambda y, _: f"{100 * y:.0f}%")
+    ax.set(title=title, ylim=(-0.02, 1.02))
+    ax.locator_params(axis="x", nbins=5)
+
+
 def draw_over_published(
     ax: Axes, stored: Dataset, theirs: PublishedCurve, kind: str, label: str
 ) -> None:
