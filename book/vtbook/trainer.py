@@ -122,10 +122,15 @@ def train_here(
         "pool": b64encode(pool.tobytes()).decode(),
         "worker": "".join(map(lean, ("promises.js", "trainer_worker.js", *stage.workers))),
     }
+    mixture, chosen = static("trainer_mixture.html"), tuple(presets) != (THESIS,)
     return panel(
         "trainer",
         setup,
         stage.scripts,
+        # where presets choose the setting, C and psi are rarely touched
+        seen="" if chosen else mixture,
+        folded=mixture if chosen else "",
+        rare="C, ψ, " if chosen else "",
         code=round(len(code) / 1e3),
         data=round(pool.nbytes / 1e3),
         changes=stage.changes,
