@@ -109,6 +109,15 @@ def published(seed):
     return PublishedCurve(100 * np.arange(7) + 50, mean, mean - 0.1, mean + 0.2)
 
 
+def test_shares_of_the_optimum_have_their_names_on_the_curves():
+    ax, own = plots.BookFigure().subplots(), {"1-MGVT": runs(0), "NT": runs(1)}
+    plots.draw_shares(ax, own, {"1-MGVT": (100, 0.5), "NT": (200, 0.1)}, "early")
+    for line, stored in zip(ax.lines, own.values(), strict=True):
+        np.testing.assert_allclose(line.get_ydata(), stored.learning.mean("run") / 0.75)
+    named = {text.get_text(): to_hex(text.get_color()) for text in ax.texts}
+    assert named == {"1-MGVT": COLOURS["1-MGVT"].lower(), "no transfer": COLOURS["NT"].lower()}
+
+
 def test_runs_are_drawn_over_the_published_curves():
     shown = {"NT": runs(0), "GVT": runs(1), "fine-tuned": runs(2)}
     curves = {
