@@ -10,7 +10,8 @@ rivals with eight updates, were added when the others had been seen. Last came, 
 mountain car, sources that overestimate: all their values are too high by half of the way from the
 worst return to the best; and on the same cartpoles sources that DDQN solved, or each from first
 weights of its own. In both kinds of rooms 1-MGVT, 3-MGVT and fine-tuning of the mean also run as
-published, since tuning over eight runs may have chosen worse settings.
+published, since tuning over eight runs may have chosen worse settings. Policy reuse, which draws a
+source for each episode by what sources have earned and learns nothing, was added after all others.
 """
 
 from attrs import evolve
@@ -20,11 +21,11 @@ from vtbook.experiments.controls import without_parts
 from vtbook.experiments.protocols import FROM_MEAN
 from vtbook.experiments.rooms import ROOMS_EVALUATION
 from vtbook.experiments.trust import EIGHT, OURS, PICKED, PLACES, Place
-from vtbook.neighbours import RepeatedSettings, VariedTrust
+from vtbook.neighbours import RepeatedSettings, ReusedSettings, VariedTrust
 from vtlab.experiment import Algorithm, Experiment
 from vtlib.trust import Trust
 
-ALONE, OPTIMISTIC = "sources never play", "values too high"
+ALONE, OPTIMISTIC, REUSE = "sources never play", "values too high", "policy reuse"
 TOO_HIGH = {"cartpole": 32.0, "mountain car": 17.0}
 _PARTS = ("", ", frozen", ", point", ", start alone")
 MIXTURE, STILL, AS_POINT, UNPULLED = (f"1-MGVT{part}{EIGHT}" for part in _PARTS)
@@ -35,7 +36,7 @@ def _eight(algorithm: Algorithm) -> Algorithm:
 
 
 def _algorithms(place: Place) -> dict[str, Algorithm]:
-    parts: dict[str, Algorithm] = {ALONE: Trust(sources_play=False)}
+    parts: dict[str, Algorithm] = {ALONE: Trust(sources_play=False), REUSE: ReusedSettings()}
     for rival in ("NT", PICKED):
         parts[f"{rival}{EIGHT}"] = _eight(place.experiment.algorithms[rival])
     if place.title in TOO_HIGH:

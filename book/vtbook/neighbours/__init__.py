@@ -8,6 +8,7 @@ from vtbook.neighbours.guided import GuidedSettings
 from vtbook.neighbours.langevin import LangevinSettings
 from vtbook.neighbours.picked import PickedSettings
 from vtbook.neighbours.repeated import RepeatedSettings
+from vtbook.neighbours.reused import ReusedSettings
 from vtbook.neighbours.unstarted import UnstartedSettings
 from vtbook.neighbours.untouched import UntouchedSettings
 from vtbook.neighbours.varied import VariedTrust
@@ -17,6 +18,7 @@ __all__ = [
     "LangevinSettings",
     "PickedSettings",
     "RepeatedSettings",
+    "ReusedSettings",
     "UnstartedSettings",
     "UntouchedSettings",
     "VariedTrust",
