@@ -131,8 +131,6 @@ def train_here(
         seen="" if chosen else mixture,
         folded=mixture if chosen else "",
         rare="C, ψ, " if chosen else "",
-        code=round(len(code) / 1e3),
-        data=round(pool.nbytes / 1e3),
         changes=stage.changes,
         note=stage.note if FROM_MEAN in experiment.algorithms else "",
         arrival=stage.arrival,

@@ -144,7 +144,8 @@ def test_a_page_grows_by_little_and_holds_the_sources_and_the_kernels_settings()
 
 
 def test_the_kernel_has_room_for_all_that_the_controls_offer():
-    most = re.findall(r'name="(\w+)" min="1" max="(\d+)"', static("trainer.html"))
+    offered = static("trainer_mixture.html") + static("trainer.html")
+    most = re.findall(r'name="(\w+)" min="1" max="(\d+)"', offered)
     assert dict(most) == {"components": f"{MOST_COMPONENTS}", "sources": f"{MOST_SOURCES}"}
     for method in (x for stage in STAGES.values() for x in stage.algorithms.values()):
         settings, updates = getattr(method, "in_units", method), getattr(method, "updates", 1)
