@@ -158,6 +158,8 @@ def test_a_file_that_is_not_whole_is_named(tmp_path):
         (partial(resume, SOLVED, [ENV], 10), "settings of learned must be of type Trust, got Mel"),
         (partial(solve, VECTOR, Q, 10), "envs must be .*: pass its .envs"),
         (partial(solve, [VECTOR], Q, 10), "each of envs must be of type Env, got SyncVectorEnv"),
+        (partial(solve, "CartPole-v1", Q, 10), "envs must be a list, such as .env., got 'CartPole"),
+        (partial(solve, Corridor(), Q, 10), "envs must be a list, such as .env., got"),
     ],
 )  # fmt: skip
 def test_what_cannot_work_is_refused_with_what_would_help(monkeypatch, call, message):

@@ -69,7 +69,8 @@ def episodes_of(
     """Environments in lock-step; ValueError where the Q-function does not fit them."""
     if isinstance(envs, gymnasium.vector.VectorEnv):
         raise ValueError(f"envs must be a Sequence, got {shown(envs)}: pass its .envs")
-    check_kind("envs", envs, Sequence)
+    if isinstance(envs, str) or not isinstance(envs, Sequence):
+        raise ValueError(f"envs must be a list, such as [env], got {shown(envs)}")
     for env in envs:
         check_kind("each of envs", env, gymnasium.Env)
     check_kind("q", q, QFunction)
