@@ -53,6 +53,15 @@ def points(name, a, b):
     return 100 * centre, 100 * (centre - low)
 
 
+def lead(name, a, b, t=END):
+    return 100 * gain(name, a, b, t)[0]
+
+
+def over_reuse(name):
+    ours, reuse = (name + "-trust", "trust"), (name + "-trust-parts", "policy reuse")
+    return 100 * (until(*ours) - until(*reuse)).mean()
+
+
 def mean_at(name, label, t):
     return at(name, label, t).mean()
 
@@ -90,6 +99,7 @@ def held(label, level):
 # page, words around the number, and what computes it from what
 NUMBERS = [
     ("index", f"steps it earns {SHARE}", mean_at, ROOMS + "-controls", "1-MGVT", 5_000),
+    ("index", f"average earns {COUNT} points less", lead, ROOMS + "-controls", "1-MGVT", MEAN),
     ("index", f"change what it earns by {RANGE}", over_mazes, "1-MGVT", "NT"),
     ("index", f"left alone, gets {SHARE}", mean_until, CAR + "-untouched", "untouched", END),
     (ROOMS, f"2,000 steps it earns {SHARE}", mean_at, ROOMS + "-controls", "1-MGVT", 2_000),
@@ -104,6 +114,7 @@ NUMBERS = [
     (LIKELY, f"fine-tuning of the mean by {RANGE}", at_six_doors, "1-MGVT", MEAN, 1_000),
     (FEW, f"with one component\\) earns {SHARE}", mean_at, FEW, "1-MGVT-from-2", 1_950),
     ("scorecard", f"1-MGVT is not behind DDQN{SAYS}", gain, POLE, "1-MGVT", "DDQN", 8_900),
+    (POLE, f"steps 1-MGVT earns {COUNT}", lead, POLE + "-controls", "1-MGVT", MEAN, 500),
     (CAR, f"steps 1-MGVT has come {SHARE}", mean_at, CAR, "1-MGVT", 40_000),
     (CAR, f"GVT {SHARES} 1-MGVT", mean_until, CAR, "GVT", 5_000, 10_000, END),
     ("mazes", f"ends at {SHARE}", mean_at, MAZE, "1-MGVT", 20_000),
@@ -115,6 +126,7 @@ NUMBERS = [
     ("comparison", f"untouched {RANGE}, less", gain, ROOMS + "-compared", "untouched", "1-MGVT"),
     ("recommended", f"untouched: {RANGE}", gain, POLE + "-trust", "trust", "untouched"),
     ("recommended", f"no transfer: {RANGE}", gain, MAZE + "-trust", "trust", "NT"),
+    ("recommended", f"wrong way\\) Trust earns {COUNT} points", over_reuse, "wired-cartpole"),
     ("calibration", f"with one component, contain {RANGE}", held, "1-MGVT", 2),
 ]
 
