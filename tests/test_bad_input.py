@@ -92,7 +92,6 @@ FRONT_DOOR = [
     (vtlib.transfer, {**LEARNING, "sources": WEIGHTS[0], "settings": None, "device": "cpu"}),
     (vtlib.evaluate, PLAYING),
     (vtlib.resume, MORE),
-    (vtlib.keep_best, {"learned": LEARNED, "envs": ENVS, "episodes": 1, "seed": 0}),
     (LEARNED.predict, {"obs": np.zeros(4), "run": 0}),
     (ModuleQ, {"module": nn.Linear(4, 2), "n_actions": 2}),
 ]

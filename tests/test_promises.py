@@ -82,7 +82,6 @@ def test_where_what_is_learned_earns_nothing_all_sources_are_tried_again():
     assert sources.count(3) > len(sources) / 3
     assert record.best() == 3
     assert record.source_leads
-    assert not record.improved
 
 
 def test_what_is_learned_plays_where_it_leads():
@@ -90,7 +89,45 @@ def test_what_is_learned_plays_where_it_leads():
         lambda arm, rng: PROMISE + 0.1 * rng.normal() + (5 if arm == 4 else 0), episodes=60
     )
     assert set(record.played[LOOKS - 1 :]) == {4}
-    assert record.improved
+
+
+@pytest.mark.parametrize(
+    ("own", "best", "kept"),
+    [
+        ([3.0, 5.0, 3.0, 5.0, 4.0], [1.0, 1.0, 1.0], True),
+        ([3.0, 5.0, 3.0, 5.0, 4.0], [4.0, 4.0, 4.0], False),  # a tie
+        ([1.0, 9.0, 1.0, 9.0, 5.0], [4.0, 4.0, 4.0], False),  # within an error
+        ([5.0] * 5, [4.0, 4.0, 4.0], True),
+        ([4.001] * 5, [4.0, 4.0, 4.0], False),  # hardly more, where returns differ by one
+        ([5.0] * 4, [4.0, 4.0, 4.0], False),  # few episodes
+        ([], [4.0, 4.0], False),
+        ([5.0] * 5, [], False),
+    ],
+)
+def test_a_trial_keeps_what_was_learned_where_it_earns_clearly_more(own, best, kept):
+    count = [1] * 4 + [0] * len(best)  # source 1 earns less
+    record = Record(2, played=count, gained=[1.0, 3.0, 1.0, 1.0, *best])
+    if not best:
+        record.played, record.gained = [2] * 4, [1.0] * 4
+    record.judge()
+    record.played, record.gained = record.played + [2] * len(own), record.gained + own
+    assert record.improved == kept
+
+
+def test_a_trial_forgets_what_was_earned_before_it_was_learned():
+    record = Record(1, played=[0, 0, *[1] * 5], gained=[1.0, 1.0, *[9.0] * 5])
+    assert record.improved  # without a trial these are all that is known
+    record.judge()
+    record.played, record.gained = record.played + [1] * 5, record.gained + [0.0] * 5
+    assert not record.improved
+
+
+def test_in_a_trial_both_play_in_turn_once_they_have_played_as_often():
+    record = Record(1, played=[0, 0, 1], gained=[1.0, 1.0, 0.0], trust=[0.0] * 3, short=[0.0] * 3)
+    record.judge()
+    for _ in range(6):
+        record.add(float(record.choose(True, 0.5, np.zeros(1)) == 0), 1.0, 1.0)
+    assert record.played[3:] == [1, 1, 1, 0, 1, 0]
 
 
 @settings(max_examples=30, deadline=None)

@@ -65,6 +65,24 @@ def test_sources_that_may_not_play_leave_every_episode_to_what_was_learned():
     assert agent.improved.all()
 
 
+def test_in_a_trial_what_had_been_learned_acts_and_learning_goes_on():
+    agent, _ = run(FIRST + 4 * LENGTH, reward=-1.0)
+    before, still = agent.learned.mu, torch.zeros(RUNS, dtype=torch.bool)
+    agent.judge()
+    agent._arm[:], agent._lost[:], agent.random = SOURCES, True, 1.0
+    for seed in range(20):
+        obs = torch.randn(RUNS, FEATURES, generator=torch.Generator().manual_seed(seed))
+        action, nothing = agent.act(obs, still), torch.zeros(RUNS)
+        assert torch.equal(action, greedy(Q, before, obs))
+        agent.learn(Transition(obs, action, nothing, obs, nothing.bool()))
+    assert (agent.learned.mu - before).abs().max() > 1e-4
+    for record, own in zip(agent.records, (9.0, -9.0), strict=True):
+        record.played, record.gained = [0, 0, *[SOURCES] * 5], [0.0, 0.0, *[own] * 5]
+        record.judged = 2
+    assert agent.improved.tolist() == [True, False]
+    torch.testing.assert_close(agent.kept, torch.stack([before[0], sources()[1, :1]]))
+
+
 def test_actions_are_random_now_and_then_where_nothing_is_earned():
     agent, _ = run(FIRST + LENGTH, reward=-1.0)
     agent.random, obs = 0.25, torch.randn(RUNS, FEATURES)

@@ -1,7 +1,7 @@
 """Variational transfer of value functions between reinforcement learning tasks."""
 
 from vtlib.baselines import DDQNSettings, FineTuning, MellowTDSettings
-from vtlib.gym_runs import keep_best, resume, solve, transfer
+from vtlib.gym_runs import resume, solve, transfer
 from vtlib.learned import Learned
 from vtlib.playing import evaluate
 from vtlib.qfunctions import MLP, ModuleQ
@@ -18,7 +18,6 @@ __all__ = [
     "Settings",
     "Trust",
     "evaluate",
-    "keep_best",
     "resume",
     "solve",
     "transfer",

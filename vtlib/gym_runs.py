@@ -15,7 +15,7 @@ from vtlib.baselines import DDQNSettings, FineTuning, MellowTDSettings
 from vtlib.checks import check_kind, check_weights, check_whole, shown
 from vtlib.episodes import GymEpisodes
 from vtlib.learned import Learned
-from vtlib.playing import episodes_of, play
+from vtlib.playing import episodes_of
 from vtlib.qfunctions import QFunction
 from vtlib.rng import Rng
 from vtlib.training import Agent, arithmetic, check_finite, iterate
@@ -23,6 +23,7 @@ from vtlib.transfer import Settings
 from vtlib.trust import Trust, Trusting, sound
 
 EVERY = 100  # iterations from one record to the next
+TRIAL = 5  # what share of the iterations is a trial, the last fifth
 
 Callback = Callable[[int, Tensor, Tensor], bool | None]
 
@@ -72,10 +73,12 @@ def transfer(
 ) -> Learned:
     """Learn each environment with what sources (S, d) know, ``weights[:, 0]`` of ``solve``.
 
-    The default, ``Trust``, plays the sources while they keep their promise and learns meanwhile; in
-    the end its returns decide whether what it learned is kept, or the best source. A source whose
-    weights are over ten times as large as most is left out, with a warning. Other settings run
-    alone. Ctrl-C ends the learning and returns what was learned. device: where posteriors are kept.
+    The default, ``Trust``, plays the sources while they keep their promise and learns meanwhile.
+    The last fifth of the iterations is a trial, in which what was learned before and the best
+    source play greedily: what was learned is kept where it earns more by a standard error, in five
+    episodes at least. A source whose weights are over ten times as large as most is left out, with
+    a warning. Other settings run alone. Ctrl-C ends the learning and returns what was learned.
+    device: where posteriors are kept.
     Raises as ``solve``, and ValueError for missing, bad or misshapen sources, or a device that
     torch lacks.
     """
@@ -126,8 +129,16 @@ def resume(
     not know its Q-function.
     """
     check_run(iterations, seed, callback)
-    agent, episodes, name = _restored(learned, envs, f"resume {seed}")
-    q, settings = cast(QFunction, learned.q), learned.settings
+    check_kind("learned", learned, Learned)
+    check_kind("the settings of learned", learned.settings, Trust)
+    settings, state = learned.settings, cast(dict[str, Tensor], learned.state)
+    q = cast(QFunction, learned.q)  # which episodes_of refuses where it is none
+    name = f"resume {seed} after {int(learned.steps.max())}"
+    episodes, rng = episodes_of(envs, q, name, settings.gamma), Rng(name, range(len(envs)))
+    if len(envs) != (runs := len(learned.weights)):
+        raise ValueError(f"envs must be {runs}, one for each run of learned, got {len(envs)}")
+    agent = settings.agent(q, state["sources"], episodes.obs_dim, rng)
+    agent.restore(state)
     more = _learn(agent, episodes, iterations, name, callback, progress, q, settings)
     return evolve(
         more,
@@ -135,49 +146,6 @@ def resume(
         returns=torch.cat([learned.returns, more.returns], 1),
         steps=learned.steps + more.steps,
     )
-
-
-@arithmetic()
-def keep_best(
-    learned: Learned, envs: Sequence[gymnasium.Env], episodes: int = 20, *, seed: int = 0
-) -> Learned:
-    """Decide by fresh greedy episodes what ``Trust`` keeps: what it has learned, or a source.
-
-    Each plays so many, the source that has earned most, and what was learned is kept where its mean
-    return is higher by more than a standard error. The steps count. Raises as ``resume``.
-    """
-    check_whole("episodes", episodes)
-    check_whole("seed", seed, 0)
-    agent, _, name = _restored(learned, envs, f"keep {seed}")
-    q, gamma = cast(QFunction, learned.q), learned.settings.gamma
-    mu = agent.learned.mu.cpu()
-    source = agent.best_source.expand_as(mu)
-    # environments that begin anew: some are within an episode when the last of them has ended
-    (mine, first), (theirs, second) = (
-        play(episodes_of(envs, q, name, gamma), q, w, episodes, gamma) for w in (mu, source)
-    )
-    error = torch.hypot(mine.std(1, correction=0), theirs.std(1, correction=0)) / episodes**0.5
-    improved = mine.mean(1) - theirs.mean(1) > error
-    weights = torch.where(improved.view(-1, 1, 1), mu, source)
-    steps = learned.steps + first + second
-    return evolve(learned, weights=weights, improved=improved, steps=steps)
-
-
-def _restored(
-    learned: Learned, envs: Sequence[gymnasium.Env], name: str
-) -> tuple[Trusting, GymEpisodes, str]:
-    """The agent that has learned, environments for it, and what their random numbers are of."""
-    check_kind("learned", learned, Learned)
-    check_kind("the settings of learned", learned.settings, Trust)
-    settings, state = learned.settings, cast(dict[str, Tensor], learned.state)
-    q = cast(QFunction, learned.q)  # which episodes_of refuses where it is none
-    name = f"{name} after {int(learned.steps.max())}"
-    episodes, rng = episodes_of(envs, q, name, settings.gamma), Rng(name, range(len(envs)))
-    if len(envs) != (runs := len(learned.weights)):
-        raise ValueError(f"envs must be {runs}, one for each run of learned, got {len(envs)}")
-    agent = settings.agent(q, state["sources"], episodes.obs_dim, rng)
-    agent.restore(state)
-    return agent, episodes, name
 
 
 def _learn(
@@ -196,6 +164,8 @@ def _learn(
     try:
         for t in tqdm(steps, total=iterations, unit=" steps", disable=not progress):
             done = t
+            if isinstance(agent, Trusting) and iterations - t == iterations // TRIAL:
+                agent.judge()
             if t % EVERY == 0:
                 check_finite(agent.mu, names, t)
                 times.append(t)
@@ -209,9 +179,7 @@ def _learn(
     check_finite(agent.mu, names, done)
     weights, improved, state = agent.mu.detach().cpu(), torch.ones(runs, dtype=torch.bool), None
     if isinstance(agent, Trusting):
-        improved, state = agent.improved, agent.state()
-        leads = improved.view(-1, 1, 1)
-        weights = torch.where(leads, agent.learned.mu.cpu(), agent.best_source)
+        weights, improved, state = agent.kept, agent.improved, agent.state()
     return Learned(
         weights=weights.clone(),
         iterations=torch.tensor(times, dtype=torch.int64),

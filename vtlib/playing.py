@@ -35,14 +35,7 @@ def evaluate(
     check_whole("seed", seed, 0)
     lock = episodes_of(envs, q, f"evaluate {seed}", gamma)
     check_weights("weights", weights, len(envs), "component", q.d)
-    return play(lock, q, weights, episodes, gamma)[0]
-
-
-def play(
-    lock: GymEpisodes, q: QFunction, weights: Tensor, episodes: int, gamma: float
-) -> tuple[Tensor, int]:
-    """Discounted returns (R, episodes) as ``evaluate`` gives them, and how many steps they took."""
-    runs, steps = len(weights), 0
+    runs = len(weights)
     running, discount = torch.zeros(runs), torch.ones(runs)
     count = torch.zeros(runs, dtype=torch.int64)
     since = torch.zeros_like(count)
@@ -52,7 +45,6 @@ def play(
         running += discount * lock.step(action).reward
         discount *= gamma
         since += 1
-        steps += 1
         for row in (lock.fresh & (count < episodes)).nonzero().flatten().tolist():
             returns[row, count[row]] = running[row]
             count[row] += 1
@@ -60,7 +52,7 @@ def play(
         if int(since.max()) > LONGEST:
             fault = f"envs must end their episodes, got {LONGEST:,} steps without an end"
             raise ValueError(f"{fault}: gymnasium.wrappers.TimeLimit ends them")
-    return returns, steps
+    return returns
 
 
 def episodes_of(

@@ -20,6 +20,8 @@ LOOKS = 32  # from this episode on the learned part plays in episodes that are p
 RECENT = 20  # episodes that tell what the learned part earns now
 AHEAD = 1.0  # deviations of a return by which the learned part has to lead sources that are kept
 LEAST = 10  # episodes after which the learned part has to show something
+FEWEST = 5  # episodes of what was learned without which the best source is kept
+FLOOR = 0.01  # deviations of a return that a gain has to exceed
 MARGIN = 0.5  # standard errors by which it then has to lead, or sources play half of the episodes
 HALF = 0.5
 # What share of the sources is of the task's kind: as likely none as anything, which is uniform.
@@ -58,6 +60,7 @@ class Record:
     For each episode: played, the arm; trust, the probability beforehand that an untried source is
     of the task's kind; gained, the return; short, by how many spreads it fell short of the promise.
     The lists are the whole state: a record made of them goes on as if nothing had happened.
+    judged is the first episode of a trial that decides what is kept in the end.
     """
 
     count: int = field(validator=whole())
@@ -66,6 +69,11 @@ class Record:
     trust: list[float] = field(factory=list)
     gained: list[float] = field(factory=list)
     short: list[float] = field(factory=list)
+    judged: int | None = None
+
+    def judge(self) -> None:
+        """Begin the trial with the next episode."""
+        self.judged = len(self.played)
 
     def add(self, gained: float, promise: float, spread: float) -> None:
         """Note what the arm that was chosen last earned, and how that compares with a promise."""
@@ -80,7 +88,8 @@ class Record:
         begun: whether the learned part has learned anything yet; until then only sources play, if
         they may. Where no source keeps its promise, the learned part plays, unless one leads by a
         deviation. Once it has played for a while and is not ahead of the sources, half of the
-        episodes go to them.
+        episodes go to them. In the trial what was learned plays until it has as many episodes as
+        the best source, then both in turn.
         """
         kept, another = self.kept()
         self.trust.append(another)
@@ -88,6 +97,9 @@ class Record:
         hope = fresh if coin < another else []
         if not self.sources_play:
             arm = self.count
+        elif self.judged is not None:
+            best = self.best()
+            arm = best if len(self._trial()) > len(self.returns(best)) else self.count
         elif not begun:
             arm = self._draw(kept, hope, normal) if kept else next(iter(fresh), self.best())
         elif self._looks():
@@ -119,16 +131,21 @@ class Record:
 
     @property
     def improved(self) -> bool:
-        """Whether what was learned is clearly better than the best source, as far as returns tell.
+        """Whether what was learned beats the best source in the trial, by more than an error.
 
-        It has to lead sources that keep their promise by a deviation, others by a standard error,
-        and in at least ten episodes. Where no source has played there is nothing else to keep.
+        Without a trial its recent episodes count. A tie keeps the source, and so do fewer than five
+        episodes; where no source may play there is nothing else to keep.
         """
         if not self.sources_play:
             return True
+        own = self._recent() if self.judged is None else self._trial()
         best = self.returns(self.best())
-        margin = AHEAD * (1.0 if self.kept()[0] else self._error(best))
-        return len(self.returns(self.count)) >= LEAST and self._lead(best) < -margin
+        if len(own) < FEWEST or not best:
+            return False
+        variance = (np.var(own) * len(own) + np.var(best) * len(best)) / (len(own) + len(best) - 2)
+        error = float(np.sqrt(variance * (1 / len(own) + 1 / len(best))))
+        least = max(error, FLOOR * float(np.std(self.gained)))
+        return bool(np.mean(own) - np.mean(best) > least)
 
     @property
     def lost(self) -> bool:
@@ -159,6 +176,11 @@ class Record:
     def best(self) -> int:
         """The tried source with the highest mean return; the first source before any is tried."""
         return max(self.tried, key=lambda j: np.mean(self.returns(j)), default=0)
+
+    def _trial(self) -> list[float]:
+        """What was learned has earned in the trial."""
+        own = zip(self.played[self.judged :], self.gained[self.judged :], strict=False)
+        return [x for arm, x in own if arm == self.count]
 
     def _recent(self) -> list[float]:
         return self.returns(self.count)[-RECENT:]

@@ -101,6 +101,7 @@ class Trusting:
         self._random, self._lost = rng.stream("random action"), torch.zeros(runs, dtype=torch.bool)
         self._rows, self._arm = torch.arange(runs), torch.full((runs,), -1)
         self._steps = 0
+        self._judged: Tensor | None = None  # what was learned until the trial that decides
         self._gained, self._discount = torch.zeros(runs), torch.ones(runs)
         # what sources promised at the episode's start, and how far apart they were
         self._promise, self._spread = torch.zeros(runs), torch.zeros(runs)
@@ -123,9 +124,23 @@ class Trusting:
         """Whether what was learned is clearly better than the best source (R,)."""
         return torch.tensor([record.improved for record in self.records])
 
+    @property
+    def kept(self) -> Tensor:
+        """Weights (R, C, d) to keep: what was learned where it has improved, or the best source."""
+        mu = self.learned.mu.cpu() if self._judged is None else self._judged
+        return torch.where(self.improved.view(-1, 1, 1), mu, self.best_source.expand_as(mu))
+
+    def judge(self) -> None:
+        """Let greedy episodes of what has been learned by now, and of a source, decide."""
+        if all(record.sources_play for record in self.records):
+            self._judged = self.learned.mu.cpu()
+            for record in self.records:
+                record.judge()
+
     def act(self, obs: Tensor, fresh: Tensor) -> Tensor:
         """Greedy actions (R,) of a source or of a draw; fresh (R,) marks first steps."""
-        values = self._q.q(self._sources, self._q.prepare(obs.unsqueeze(1)))[..., 0]
+        seen = self._q.prepare(obs.unsqueeze(1))
+        values = self._q.q(self._sources, seen)[..., 0]
         best = values.amax(-1)
         # drawn at every step: a run's stream must not depend on when its neighbours' episodes end
         coin, normal = self._coin.uniform(1), self._normal.normal(values.shape[1])
@@ -138,6 +153,8 @@ class Trusting:
         own = torch.where(
             self._lost & (chance < self.random), anything, self.learned.act(obs, fresh)
         )
+        if self._judged is not None:
+            own = self._q.q(self._judged, seen).mean(1)[..., 0].argmax(-1)
         return torch.where(self._arm == values.shape[1], own, shown)
 
     def learn(self, transition: Transition) -> None:
