@@ -36,6 +36,11 @@ def test_transfer_may_lose_two_percent_of_the_way_from_the_worst_to_the_best(los
     assert runs.verdict(arrays, "best source") == verdict
 
 
+def test_nothing_is_decided_where_no_way_earns_anything():
+    nothing = dict.fromkeys(runs.WAYS, np.zeros(2))
+    assert runs.verdict(nothing, "fine-tuned") == "undecided"
+
+
 def test_sources_earn_again_what_is_stored(monkeypatch):
     kind = evolve(runs.KINDS["cartpole"], learning=1)  # nothing that rounding can send elsewhere
     monkeypatch.setitem(runs.KINDS, "cartpole", kind)

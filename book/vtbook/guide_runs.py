@@ -222,10 +222,13 @@ def scale(returns: store.Arrays) -> float:
 
 
 def verdict(returns: store.Arrays, way: str) -> str:
-    """Whether transfer loses no more than LOSS beside another way: holds, fails or undecided."""
+    """Whether transfer loses no more than LOSS beside another way: holds, fails or undecided.
+
+    Where all ways earn the same, which may be nothing, none can lose, and nothing is decided.
+    """
     over = difference_interval(returns["transfer"], returns[way])
     least = LOSS * scale(returns)
-    if over.low >= least:
+    if over.low >= least and least < 0:
         return "holds"
     return "fails" if over.high < least else "undecided"
 
