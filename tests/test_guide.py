@@ -6,11 +6,14 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import torch
 from attrs import evolve
+from torch import nn
 
 from vtbook import guide_runs as runs
 from vtlab import store
 from vtlab.cli import main
+from vtlib.qfunctions import MLP, ModuleQ
 
 ROOT = Path(__file__).resolve().parents[1]
 FOLDER = ROOT / "book" / "results" / runs.NAME
@@ -77,3 +80,17 @@ def test_a_forged_number_is_named(monkeypatch, tmp_path, capsys):
             store.save(folder / task, arrays | {key: stored}, note)
             assert main(["verify", "guide", "--whole", "--results", str(root)]) == 1
             assert capsys.readouterr().out.splitlines() == [f"guide/{task}: DIFFERS in {key}"]
+
+
+@pytest.mark.parametrize(
+    "q", [MLP((4, 8, 2)), ModuleQ(nn.Sequential(nn.Linear(4, 8), nn.ReLU(), nn.Linear(8, 2)), 2)]
+)
+def test_promises_are_lowered_as_the_page_says(q):
+    g = torch.Generator().manual_seed(0)
+    sources, too_high = torch.randn(3, q.d, generator=g), torch.tensor([1.0, 20.0, -5.0])
+    obs = q.prepare(torch.randn(1, 6, 4, generator=g))
+    before = q.q(sources[None], obs)
+    line = "sources[:, -q.n_actions :] -= (promised - earned)[:, None]"
+    assert line in (ROOT / "book" / "guide.md").read_text()
+    exec(line, {"sources": sources, "q": q, "promised": too_high, "earned": torch.zeros(3)})
+    torch.testing.assert_close(q.q(sources[None], obs), before - too_high.view(1, 3, 1, 1))
