@@ -98,7 +98,7 @@ def held(label, level):
 
 # page, words around the number, and what computes it from what
 NUMBERS = [
-    ("index", f"tasks. It ends at {SHARE}", mean_at, ROOMS + "-controls", "1-MGVT", 5_000),
+    ("index", f"such agents end at {SHARE}", mean_at, ROOMS + "-controls", "1-MGVT", 5_000),
     ("index", f"average earns {COUNT} points less", lead, ROOMS + "-controls", "1-MGVT", MEAN),
     ("index", f"change what it earns by {RANGE}", over_mazes, "1-MGVT", "NT"),
     ("index", f"left alone, gets {SHARE}", mean_until, CAR + "-untouched", "untouched", END),
