@@ -90,7 +90,8 @@ def test_promises_are_lowered_as_the_page_says(q):
     sources, too_high = torch.randn(3, q.d, generator=g), torch.tensor([1.0, 20.0, -5.0])
     obs = q.prepare(torch.randn(1, 6, 4, generator=g))
     before = q.q(sources[None], obs)
-    line = "sources[:, -q.n_actions :] -= (promised - earned)[:, None]"
+    line = "mended[:, -q.n_actions :] -= (promised - earned).clamp(min=0)[:, None]"
     assert line in (ROOT / "book" / "guide.md").read_text()
-    exec(line, {"sources": sources, "q": q, "promised": too_high, "earned": torch.zeros(3)})
-    torch.testing.assert_close(q.q(sources[None], obs), before - too_high.view(1, 3, 1, 1))
+    exec(line, {"mended": sources, "q": q, "promised": too_high, "earned": torch.zeros(3)})
+    lower = before - too_high.clamp(min=0).view(1, 3, 1, 1)
+    torch.testing.assert_close(q.q(sources[None], obs), lower)

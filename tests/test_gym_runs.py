@@ -65,9 +65,9 @@ def test_a_source_that_keeps_its_promise_is_kept():
     assert not learned.improved.any()
     torch.testing.assert_close(learned.weights, always(1).expand_as(learned.weights))
     played = learned.state["played"][0].tolist()
-    assert len(played) == 200 // 5 - 1  # the last has ended, but no other has begun
+    assert len(played) == 200 // 5  # the last ends with the last step
     assert (played[0], played[1:-8].count(1) > 28, played[-7:]) == (0, True, [2] * 7)
-    told = f"run 0: 200 steps, sources played {len(played) - played.count(2)} of 39 episodes, kept"
+    told = f"run 0: 200 steps, sources played {len(played) - played.count(2)} of 40 episodes, kept"
     told += " is a source"
     assert str(learned).splitlines()[0] == told
 
@@ -200,6 +200,8 @@ def test_a_trial_in_the_end_decides_what_is_kept_and_a_tie_keeps_the_source(shar
     assert learned.steps.tolist() == [2000]
     played = learned.state["played"][0].tolist()
     assert played[-400:].count(2) >= 200  # of which the last fifth of the steps consists
+    # to go on for a few steps, which no trial fits in, loses nothing
+    assert resume(learned, [wins(share)], 1).improved.tolist() == [kept]
 
 
 def test_learning_goes_on_from_what_was_learned(tmp_path):

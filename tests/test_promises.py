@@ -97,9 +97,15 @@ def test_what_is_learned_plays_where_it_leads():
         ([3.0, 5.0, 3.0, 5.0, 4.0], [1.0, 1.0, 1.0], True),
         ([3.0, 5.0, 3.0, 5.0, 4.0], [4.0, 4.0, 4.0], False),  # a tie
         ([1.0, 9.0, 1.0, 9.0, 5.0], [4.0, 4.0, 4.0], False),  # within an error
+        ([8.0, 9.0], [4.0, 4.0, 4.0], True),
+        ([5.0, 6.0], [4.0, 4.0, 4.0], False),  # two episodes need three standard errors
+        ([4.0, 6.0, 6.0, 4.0, 6.0], [4.0, 4.0, 4.0], True),  # five need one and a half
+        ([8.0, 9.0], [4.0], True),  # a source that has played once scatters as much
+        ([6.0, 6.5], [4.0], True),
+        ([6.0, 7.0], [4.0], False),
         ([5.0] * 5, [4.0, 4.0, 4.0], True),
         ([4.001] * 5, [4.0, 4.0, 4.0], False),  # hardly more, where returns differ by one
-        ([5.0] * 4, [4.0, 4.0, 4.0], False),  # few episodes
+        ([9.0], [4.0, 4.0, 4.0], False),
         ([], [4.0, 4.0], False),
         ([5.0] * 5, [], False),
     ],
@@ -115,10 +121,12 @@ def test_a_trial_keeps_what_was_learned_where_it_earns_clearly_more(own, best, k
 
 
 def test_a_trial_forgets_what_was_earned_before_it_was_learned():
-    record = Record(1, played=[0, 0, *[1] * 5], gained=[1.0, 1.0, *[9.0] * 5])
+    record = Record(1, played=[0, 0, *[1] * LEAST], gained=[1.0, 1.0, *[9.0] * LEAST])
     assert record.improved  # without a trial these are all that is known
     record.judge()
-    record.played, record.gained = record.played + [1] * 5, record.gained + [0.0] * 5
+    record.played.append(1), record.gained.append(0.0)
+    assert record.improved  # nor does one episode make a trial
+    record.played.append(1), record.gained.append(0.0)
     assert not record.improved
 
 

@@ -75,10 +75,9 @@ def transfer(
 
     The default, ``Trust``, plays the sources while they keep their promise and learns meanwhile.
     The last fifth of the iterations is a trial, in which what was learned before and the best
-    source play greedily: what was learned is kept where it earns more by a standard error, in five
-    episodes at least. A source whose weights are over ten times as large as most is left out, with
-    a warning. Other settings run alone. Ctrl-C ends the learning and returns what was learned.
-    device: where posteriors are kept.
+    source play greedily: what was learned is kept where it earns clearly more. A source whose
+    weights are over ten times as large as most is left out, with a warning. Other settings run
+    alone. Ctrl-C ends the learning and returns what was learned. device: where posteriors are kept.
     Raises as ``solve``, and ValueError for missing, bad or misshapen sources, or a device that
     torch lacks.
     """
@@ -179,6 +178,7 @@ def _learn(
     check_finite(agent.mu, names, done)
     weights, improved, state = agent.mu.detach().cpu(), torch.ones(runs, dtype=torch.bool), None
     if isinstance(agent, Trusting):
+        agent.finish(episodes.fresh)
         weights, improved, state = agent.kept, agent.improved, agent.state()
     return Learned(
         weights=weights.clone(),

@@ -19,8 +19,7 @@ KEPT = 0.5  # a source that is likelier of the task's kind than this keeps its p
 LOOKS = 32  # from this episode on the learned part plays in episodes that are powers of two
 RECENT = 20  # episodes that tell what the learned part earns now
 AHEAD = 1.0  # deviations of a return by which the learned part has to lead sources that are kept
-LEAST = 10  # episodes after which the learned part has to show something
-FEWEST = 5  # episodes of what was learned without which the best source is kept
+LEAST = 10  # episodes after which the learned part has to show something, or may, without a trial
 FLOOR = 0.01  # deviations of a return that a gain has to exceed
 MARGIN = 0.5  # standard errors by which it then has to lead, or sources play half of the episodes
 HALF = 0.5
@@ -133,19 +132,22 @@ class Record:
     def improved(self) -> bool:
         """Whether what was learned beats the best source in the trial, by more than an error.
 
-        Without a trial its recent episodes count. A tie keeps the source, and so do fewer than five
-        episodes; where no source may play there is nothing else to keep.
+        From n episodes it takes 1 + 2 / (n - 1) standard errors, about a one-sided test at 10 %. A
+        trial of less than two episodes leaves it to the recent ones, if these are ten at least. A
+        tie keeps the source; where no source may play there is nothing else to keep.
         """
         if not self.sources_play:
             return True
-        own = self._recent() if self.judged is None else self._trial()
-        best = self.returns(self.best())
-        if len(own) < FEWEST or not best:
-            return False
-        variance = (np.var(own) * len(own) + np.var(best) * len(best)) / (len(own) + len(best) - 2)
-        error = float(np.sqrt(variance * (1 / len(own) + 1 / len(best))))
-        least = max(error, FLOOR * float(np.std(self.gained)))
-        return bool(np.mean(own) - np.mean(best) > least)
+        own, best = self._trial(), self.returns(self.best())
+        if len(own) < 2:
+            own = self._recent()
+            if len(own) < LEAST:
+                return False
+        scatter = np.var(own, ddof=1)
+        theirs = np.var(best, ddof=1) if len(best) > 1 else scatter
+        error = np.sqrt(scatter / len(own) + theirs / max(1, len(best)))
+        least = max((1 + 2 / (len(own) - 1)) * error, FLOOR * np.std(self.gained))
+        return bool(best and np.mean(own) - np.mean(best) > least)
 
     @property
     def lost(self) -> bool:
@@ -179,7 +181,8 @@ class Record:
 
     def _trial(self) -> list[float]:
         """What was learned has earned in the trial."""
-        own = zip(self.played[self.judged :], self.gained[self.judged :], strict=False)
+        first = len(self.gained) if self.judged is None else self.judged
+        own = zip(self.played[first:], self.gained[first:], strict=False)
         return [x for arm, x in own if arm == self.count]
 
     def _recent(self) -> list[float]:

@@ -164,6 +164,11 @@ class Trusting:
         self._discount *= self._gamma
         self.learned.learn(transition)
 
+    def finish(self, fresh: Tensor) -> None:
+        """Count the episodes that have ended with the last step, in runs that are fresh (R,)."""
+        for row in fresh.nonzero().flatten().tolist():
+            self._end(row)
+
     def state(self) -> dict[str, Tensor]:
         """All that it takes to go on but random numbers, with runs as leading axis.
 
@@ -190,12 +195,17 @@ class Trusting:
 
     def _begin(self, row: int, values: Tensor, coin: float, normal: np.ndarray) -> None:
         """End the episode of a run, and choose the arm of the next."""
+        self._end(row)
         record = self.records[row]
-        if self._arm[row] >= 0:
-            record.add(*(float(x[row]) for x in (self._gained, self._promise, self._spread)))
         # by quantiles: one source that has learned nothing must not widen what counts as kept
         low, self._promise[row], high = values.quantile(QUARTILES)
         self._spread[row] = (high - low) / NORMAL
         self._arm[row] = record.choose(self._steps >= FIRST, coin, normal)
         self._lost[row] = record.lost
-        self._gained[row], self._discount[row] = 0.0, 1.0
+
+    def _end(self, row: int) -> None:
+        """Note what the arm that played has earned, if one did."""
+        if self._arm[row] >= 0:
+            told = self._gained, self._promise, self._spread
+            self.records[row].add(*(float(x[row]) for x in told))
+        self._arm[row], self._gained[row], self._discount[row] = -1, 0.0, 1.0

@@ -236,6 +236,7 @@ class Panel {
       form[name].setAttribute("aria-valuetext", text);
     }
     this.setting = `${choice.family}, ${choice.family === "Trust" ? "" : `λ = ${power}, ψ = ${psi}, `}${choice.sources} sources`;
+    this.root.dataset.family = choice.family; // whose colour the run has
     this.root.classList.toggle("elsewhere", choice.pool > 0); // stored runs are from the first pool
     this.chart.marks.replaceChildren();
     this.send({ ...first, chosen: choice, rate: 0 });
