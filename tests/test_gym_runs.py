@@ -16,7 +16,8 @@ from vtlib.learned import Learned
 from vtlib.playing import evaluate
 from vtlib.qfunctions import MLP, ModuleQ
 from vtlib.transfer import Settings
-from vtlib.trust import Trust, sound
+from vtlib.trust import Trust
+from vtlib.units import sound
 
 Q = MLP((4, 8, gym.spaces.Discrete(2).n))
 LEARNER = MellowTDSettings(epsilon_steps=100, minibatch=20)

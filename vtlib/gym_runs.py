@@ -20,7 +20,8 @@ from vtlib.qfunctions import QFunction
 from vtlib.rng import Rng
 from vtlib.training import Agent, arithmetic, check_finite, iterate
 from vtlib.transfer import Settings
-from vtlib.trust import Trust, Trusting, sound
+from vtlib.trust import Trust, Trusting
+from vtlib.units import sound
 
 EVERY = 100  # iterations from one record to the next
 TRIAL = 5  # what share of the iterations is a trial, the last fifth

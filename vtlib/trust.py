@@ -2,8 +2,7 @@
 
 ``vtlib.promises`` says which source plays an episode, and when what was learned plays instead. What
 is learned is a Gaussian, or a mixture, whose covariance stays the prior's, so that each of its
-updates costs as much as one of fine-tuning. Its draws hardly differ, so they explore little: while
-it earns nothing, some of its actions are random.
+updates costs as one of fine-tuning. It hardly explores: lost, it takes some random actions.
 """
 
 from __future__ import annotations
@@ -33,7 +32,6 @@ NORMAL = 1.349  # deviations between the quartiles of a normal law
 PARTS = "played", "trust", "gained", "short"  # of a record
 RANDOM = 0.1  # share of random actions while what was learned is lost
 CLIP = 1.0  # bound on a gradient's entries, which only a run that explodes reaches
-DIVERGED = 10.0  # how many times as large as most sources' the weights of a sound one may be
 
 
 @frozen
@@ -72,15 +70,6 @@ class Trust:
             patience=FIRST,
             responsibilities="equal",
         )
-
-
-def sound(sources: Tensor) -> Tensor:
-    """Which sources (S, d) are sound (S,): not so much larger than most that learning diverged.
-
-    One such source would set the unit of all weights, and the mean that learning starts from.
-    """
-    size = sources.square().mean(1).sqrt()
-    return size <= DIVERGED * size.quantile(0.5)
 
 
 class Trusting:

@@ -22,7 +22,17 @@ from vtlib.transfer import Settings, VariationalTransfer
 FLAT = 1e-30  # least curvature, so that nothing is divided by zero
 FIRST = 64  # transitions that are only remembered
 MEASURED = 200  # transitions from which eta is measured
+DIVERGED = 10.0  # how many times as large as most sources' the weights of a sound one may be
 MOMENTS = "exp_avg", "exp_avg_sq"  # torch's names of Adam's
+
+
+def sound(sources: Tensor) -> Tensor:
+    """Which sources (S, d) are sound (S,): not so much larger than most that learning diverged.
+
+    One such source would set the unit of all weights, and the mean that learning starts from.
+    """
+    size = sources.square().mean(1).sqrt()
+    return size <= DIVERGED * size.quantile(0.5)
 
 
 class InUnits(VariationalTransfer):
