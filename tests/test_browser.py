@@ -101,7 +101,7 @@ def test_robots_walk_through_mazes_and_follow_what_is_chosen(visit, page):
 
 def test_the_corridor_is_drawn_acted_and_updated_by_keys(visit, page):
     page.emulate_media(reduced_motion="reduce")
-    visit("book/introduction.html")
+    visit("book/idea.html")
     band = page.locator(".corridor polygon")
     before, said = band.get_attribute("points"), page.locator(".corridor .said")
     for button in ("update", "draw", "act"):  # the first has nothing to learn from

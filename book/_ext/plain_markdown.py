@@ -33,12 +33,9 @@ def is_page(docname: str) -> bool:
 
 
 def file_name(env: Any, docname: str) -> str:
-    """The notebook's name, by which a list of files has the book's order: 06.08-mazes.ipynb."""
-    number = env.toc_secnumbers.get(docname, {}).get("", ())
-    parts = [f"{part:02d}" if isinstance(part, int) else part for part in number]
-    stem = docname.rpartition("/")[2]
-    before = ".".join(parts) or ("00" if docname == env.config.root_doc else "Z")
-    return f"{before}-{stem}.ipynb"
+    """The notebook's name, by which a list of files has the book's order: 03-recommended.ipynb."""
+    place = list(env.collect_relations()).index(docname)
+    return f"{place:02d}-{docname.rpartition('/')[2]}.ipynb"
 
 
 class Filling:

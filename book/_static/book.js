@@ -141,16 +141,6 @@ document.addEventListener("DOMContentLoaded", () => {
   }
 });
 
-/* The table of contents marks the pages of the short path, which the first page tells of. */
-document.addEventListener("DOMContentLoaded", () => {
-  const path = ["introduction.html", "controls.html", "recommended.html", "conclusions.html"];
-  for (const link of document.querySelectorAll(".bd-sidebar-primary nav a")) {
-    if (!path.includes(link.pathname.split("/").pop())) continue;
-    link.classList.add("short-path");
-    link.title = "on the short path";
-  }
-});
-
 /* Pages opened from disk may not read each other, so search there shows titles without excerpts. */
 if (location.protocol === "file:" && typeof DOCUMENTATION_OPTIONS !== "undefined") {
   DOCUMENTATION_OPTIONS.SHOW_SEARCH_SUMMARY = false;

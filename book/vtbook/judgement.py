@@ -7,11 +7,27 @@ from attrs import frozen
 
 from vtbook.comparisons import holm, paired_p
 from vtbook.experiments.compared import mean_shares
-from vtbook.experiments.trust import LEFT_OUT, LOSS, OURS, PLACES, Place
-from vtbook.experiments.trust_parts import ALONE, PARTS
+from vtbook.experiments.protocols import FROM_MEAN
+from vtbook.experiments.trust import EIGHT, LEFT_OUT, LOSS, OURS, PICKED, PLACES, Place
+from vtbook.experiments.trust_parts import ALONE, PARTS, REUSE
 from vtlab.stats import Interval, difference_interval
 
 LEVEL = 0.05
+NAMES = {
+    OURS: "Trust",
+    "untouched": "best source, untouched",
+    "NT": "no transfer",
+    FROM_MEAN: "fine-tuned",
+}
+METHODS = *NAMES.values(), PICKED, "DDQN, fine-tuned", "1-MGVT", "3-MGVT"
+#: Run after the judgement.
+LATER = {
+    REUSE: REUSE,
+    f"{PICKED}, 8 steps": f"{PICKED}{EIGHT}",
+    "no transfer, 8 steps": f"NT{EIGHT}",
+}
+#: The best of the mixtures and fine-tuning with more gradient steps, picked afterwards.
+MORE = "mixture or fine-tuned, 4 or 8 steps"
 
 
 @frozen
@@ -71,3 +87,17 @@ def shortfalls() -> dict[str, float]:
 def without_a_part(place: Place, label: str = ALONE) -> np.ndarray:
     """What each run of a control earned (R,) where the method is judged, in the same shares."""
     return mean_shares(PARTS[place.title], label, place.first)
+
+
+@cache
+def earned_by_method() -> dict[str, np.ndarray]:
+    """The mean share of the optimum of each method in each place (P,), NaN where it did not run."""
+    shares = {name: np.full(len(PLACES), np.nan) for name in (*METHODS, *LATER, MORE)}
+    for k, place in enumerate(PLACES):
+        for label, runs in earned(place).items():
+            name = MORE if label.endswith(" updates") else NAMES.get(label, label)
+            if name in shares:
+                shares[name][k] = np.fmax(shares[name][k], runs.mean())
+        for name, label in LATER.items():
+            shares[name][k] = without_a_part(place, label).mean()
+    return shares

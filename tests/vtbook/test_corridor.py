@@ -1,4 +1,4 @@
-"""The corridor of the introduction: what is believed after walks, in Python and in the page."""
+"""The corridor of the first chapter: what is believed after walks, in Python and in the page."""
 
 import json
 

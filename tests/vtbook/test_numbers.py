@@ -124,8 +124,8 @@ NUMBERS = [
     ("controls", f"λ = 0 {HALF}", points, ROOMS + "-controls", "1-MGVT", "1-MGVT, lambda 0"),
     ("controls", f"mean, three rooms {HALF}", points, ROOMS + "-controls", "1-MGVT", MEAN),
     ("comparison", f"untouched {RANGE}, less", gain, ROOMS + "-compared", "untouched", "1-MGVT"),
-    ("recommended", f"untouched: {RANGE}", gain, POLE + "-trust", "trust", "untouched"),
-    ("recommended", f"no transfer: {RANGE}", gain, MAZE + "-trust", "trust", "NT"),
+    ("trust_in_full", f"untouched: {RANGE}", gain, POLE + "-trust", "trust", "untouched"),
+    ("trust_in_full", f"no transfer: {RANGE}", gain, MAZE + "-trust", "trust", "NT"),
     ("recommended", f"wrong way\\) Trust earns {COUNT} points", over_reuse, "wired-cartpole"),
     ("calibration", f"with one component, contain {RANGE}", held, "1-MGVT", 2),
 ]
