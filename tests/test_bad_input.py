@@ -35,7 +35,7 @@ SHARE = [*NO_NUMBER, -1e-9, 1 + 1e-7]
 WORD = [None, 3, "", "exact ", "student", ["full"]]
 BY_KIND = [
     ("components minibatch buffer n_samples epsilon_steps target_every", COUNT),
-    ("every recent updates trials episodes", COUNT),
+    ("every recent updates trials trial episodes", COUNT),
     ("alpha alpha_mu alpha_L bandwidth sigma_p2 sigma_min jitter", POSITIVE),
     ("kappa", [*POSITIVE, 9e-4]),
     ("clip kl_clip", POSITIVE[1:]),

@@ -11,7 +11,9 @@ mountain car, sources that overestimate: all their values are too high by half o
 worst return to the best; and on the same cartpoles sources that DDQN solved, or each from first
 weights of its own. In both kinds of rooms 1-MGVT, 3-MGVT and fine-tuning of the mean also run as
 published, since tuning over eight runs may have chosen worse settings. Policy reuse, which draws a
-source for each episode by what sources have earned and learns nothing, was added after all others.
+source for each episode by what sources have earned and learns nothing, was added after all others,
+and then Trust as `vtlib.transfer` runs it: in the last fifth of its steps a trial decides what is
+kept. Until then each of its runs is the judged one.
 """
 
 from attrs import evolve
@@ -21,11 +23,13 @@ from vtbook.experiments.controls import without_parts
 from vtbook.experiments.protocols import FROM_MEAN
 from vtbook.experiments.rooms import ROOMS_EVALUATION
 from vtbook.experiments.trust import EIGHT, OURS, PICKED, PLACES, Place
-from vtbook.neighbours import RepeatedSettings, ReusedSettings, VariedTrust
+from vtbook.neighbours import RepeatedSettings, ReusedSettings, TriedTrust, VariedTrust
 from vtlab.experiment import Algorithm, Experiment
+from vtlib.gym_runs import TRIAL
 from vtlib.trust import Trust
 
 ALONE, OPTIMISTIC, REUSE = "sources never play", "values too high", "policy reuse"
+TRIED = "with the trial"
 TOO_HIGH = {"cartpole": 32.0, "mountain car": 17.0}
 _PARTS = ("", ", frozen", ", point", ", start alone")
 MIXTURE, STILL, AS_POINT, UNPULLED = (f"1-MGVT{part}{EIGHT}" for part in _PARTS)
@@ -37,6 +41,8 @@ def _eight(algorithm: Algorithm) -> Algorithm:
 
 def _algorithms(place: Place) -> dict[str, Algorithm]:
     parts: dict[str, Algorithm] = {ALONE: Trust(sources_play=False), REUSE: ReusedSettings()}
+    last = place.experiment.iterations // TRIAL
+    parts[TRIED] = TriedTrust(trial=place.experiment.iterations - last)
     for rival in ("NT", PICKED):
         parts[f"{rival}{EIGHT}"] = _eight(place.experiment.algorithms[rival])
     if place.title in TOO_HIGH:

@@ -9,6 +9,7 @@ from vtbook.neighbours.langevin import LangevinSettings
 from vtbook.neighbours.picked import PickedSettings
 from vtbook.neighbours.repeated import RepeatedSettings
 from vtbook.neighbours.reused import ReusedSettings
+from vtbook.neighbours.tried import TriedTrust
 from vtbook.neighbours.unstarted import UnstartedSettings
 from vtbook.neighbours.untouched import UntouchedSettings
 from vtbook.neighbours.varied import VariedTrust
@@ -19,6 +20,7 @@ __all__ = [
     "PickedSettings",
     "RepeatedSettings",
     "ReusedSettings",
+    "TriedTrust",
     "UnstartedSettings",
     "UntouchedSettings",
     "VariedTrust",
