@@ -130,12 +130,22 @@ def test_a_trial_forgets_what_was_earned_before_it_was_learned():
     assert not record.improved
 
 
-def test_in_a_trial_both_play_in_turn_once_they_have_played_as_often():
+@pytest.mark.parametrize(
+    ("own", "then"),
+    [
+        ([0.0, 2.0, 0.0, 2.0], [1, 1, 1, 0, 1, 0]),  # once they have played as often, in turn
+        ([0.0] * 2, [1, 1, 0, 0, 0, 0]),
+        ([1.5, 0.0, 0.0, 1.0], [1, 1, 1, 0, 1, 0]),  # behind, but within an error
+        ([2.0] * 6, [1] * 6),
+    ],
+)
+def test_in_a_trial_both_play_until_one_is_clearly_better(own, then):
     record = Record(1, played=[0, 0, 1], gained=[1.0, 1.0, 0.0], trust=[0.0] * 3, short=[0.0] * 3)
     record.judge()
+    earns = iter(own)
     for _ in range(6):
-        record.add(float(record.choose(True, 0.5, np.zeros(1)) == 0), 1.0, 1.0)
-    assert record.played[3:] == [1, 1, 1, 0, 1, 0]
+        record.add(next(earns) if record.choose(True, 0.5, np.zeros(1)) == 1 else 1.0, 1.0, 1.0)
+    assert record.played[3:] == then
 
 
 @settings(max_examples=30, deadline=None)

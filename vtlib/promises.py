@@ -88,7 +88,7 @@ class Record:
         they may. Where no source keeps its promise, the learned part plays, unless one leads by a
         deviation. Once it has played for a while and is not ahead of the sources, half of the
         episodes go to them. In the trial what was learned plays until it has as many episodes as
-        the best source, then both in turn.
+        the best source, then both in turn; once one of them is clearly better it plays on.
         """
         kept, another = self.kept()
         self.trust.append(another)
@@ -97,8 +97,9 @@ class Record:
         if not self.sources_play:
             arm = self.count
         elif self.judged is not None:
-            best = self.best()
-            arm = best if len(self._trial()) > len(self.returns(best)) else self.count
+            own, best = self._trial(), self.best()
+            clear, often = self._clearly_ahead(own), len(own) > len(self.returns(best))
+            arm = best if clear < 0 or (often and not clear) else self.count
         elif not begun:
             arm = self._draw(kept, hope, normal) if kept else next(iter(fresh), self.best())
         elif self._looks():
@@ -136,18 +137,10 @@ class Record:
         trial of less than two episodes leaves it to the recent ones, if these are ten at least. A
         tie keeps the source; where no source may play there is nothing else to keep.
         """
-        if not self.sources_play:
-            return True
-        own, best = self._trial(), self.returns(self.best())
+        own = self._trial()
         if len(own) < 2:
-            own = self._recent()
-            if len(own) < LEAST:
-                return False
-        scatter = np.var(own, ddof=1)
-        theirs = np.var(best, ddof=1) if len(best) > 1 else scatter
-        error = np.sqrt(scatter / len(own) + theirs / max(1, len(best)))
-        least = max((1 + 2 / (len(own) - 1)) * error, FLOOR * np.std(self.gained))
-        return bool(best and np.mean(own) - np.mean(best) > least)
+            own = self._recent() if len(self._recent()) >= LEAST else []
+        return not self.sources_play or self._clearly_ahead(own) > 0
 
     @property
     def lost(self) -> bool:
@@ -184,6 +177,18 @@ class Record:
         first = len(self.gained) if self.judged is None else self.judged
         own = zip(self.played[first:], self.gained[first:], strict=False)
         return [x for arm, x in own if arm == self.count]
+
+    def _clearly_ahead(self, own: list[float]) -> int:
+        """1 where such returns beat the best source's by more than an error, -1 where they lose."""
+        best = self.returns(self.best())
+        if len(own) < 2 or not best:
+            return 0
+        scatter = np.var(own, ddof=1)
+        theirs = np.var(best, ddof=1) if len(best) > 1 else scatter
+        error = np.sqrt(scatter / len(own) + theirs / len(best))
+        least = max((1 + 2 / (len(own) - 1)) * error, FLOOR * np.std(self.gained))
+        lead = np.mean(own) - np.mean(best)
+        return int(lead > least) - int(lead < -least)
 
     def _recent(self) -> list[float]:
         return self.returns(self.count)[-RECENT:]

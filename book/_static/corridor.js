@@ -4,11 +4,11 @@
 (function () {
   const PAUSE = 280; // milliseconds that a step of the agent is shown
 
-  /* Mean and covariance of the old value functions. */
-  function prior({ old, jitter }) {
+  /* Mean and covariance of the old value functions; where links are none, the mean and one variance. */
+  function prior({ old, jitter, links = true }) {
     const each = old[0].map((_, i) => i), sum = (f) => old.reduce((all, one) => all + f(one), 0);
     const mean = each.map((i) => sum((one) => one[i]) / old.length);
-    const spread = (i, j) => sum((one) => (one[i] - mean[i]) * (one[j] - mean[j]));
+    const spread = (i, j) => (links ? sum((one) => (one[i] - mean[i]) * (one[j] - mean[j])) : 0);
     const covariance = each.map((i) =>
       each.map((j) => spread(i, j) / (old.length - 1) + (i === j ? jitter : 0)),
     );
@@ -80,8 +80,10 @@
   class Corridor {
     constructor(root) {
       this.root = root;
-      this.setup = JSON.parse(root.querySelector("script").textContent);
+      this.linked = JSON.parse(root.querySelector("script").textContent);
       this.svg = root.querySelector("svg");
+      this.box = root.querySelector("input");
+      this.box.addEventListener("change", () => this.again());
       root.querySelectorAll("button").forEach((one) => one.addEventListener("click", () => this[one.value]()));
       root.hidden = false;
       this.again();
@@ -90,6 +92,7 @@
     again() {
       clearTimeout(this.timer);
       Object.assign(this, { seen: [], fresh: [], values: null, shown: 0, found: false, rounds: 0 });
+      this.setup = this.box.checked ? { ...this.linked, ...this.linked.narrow, links: false } : this.linked;
       this.before = this.belief = prior(this.setup);
       this.say("Ten tasks are solved. Where the treasure lies now, nobody has told the agent.", "draw");
     }
@@ -99,7 +102,8 @@
       if (this.fresh.length) return this.say("First update: the walk has not been learned from yet.", "update");
       this.values = drawn(this.belief);
       this.shown = 0;
-      this.say("One value function that the belief holds possible. It looks much like an old one.", "act");
+      const like = this.box.checked ? "the mean, as every draw does here" : "an old one";
+      this.say(`One value function that the belief holds possible. It looks much like ${like}.`, "act");
     }
 
     act() {
@@ -134,7 +138,9 @@
       this.seen.push(...this.fresh);
       this.belief = posterior(this.before, this.seen, this.setup);
       Object.assign(this, { fresh: [], values: null });
-      const learned = "The band is narrow where the agent has been, and wider elsewhere. Old functions that do not fit have lost their say.";
+      const learned = this.box.checked
+        ? "Values have changed where the agent has been, and nowhere else: what fails on the left says nothing about the right."
+        : "The band is narrow where the agent has been, and wider elsewhere. Old functions that do not fit have lost their say.";
       if (!this.found) return this.say(learned, "draw");
       this.say(`The treasure was found in round ${this.rounds}, and the belief knows the way. Start again: other draws need more rounds, or fewer.`, "again");
     }

@@ -32,6 +32,10 @@ const weightOf = (lambda, { scale }) => String(Number((lambda * scale).toPrecisi
 const bytesOf = (text) => Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
 const grouped = (number) => Math.round(number).toLocaleString("en");
 const measured = (y) => (Number.isNaN(y) ? "(no episode yet)" : y.toFixed(STAGE.digits).replace("-", "−"));
+const average = (values) => {
+  const known = values.filter((y) => !Number.isNaN(y));
+  return known.reduce((total, y) => total + y, 0) / known.length; // of none it is none
+};
 const points = (pairs) => pairs.map((pair) => pair.map((x) => x.toFixed(2)).join()).join(" ");
 
 function draw(parent, kind, attributes, text = "") {
@@ -277,7 +281,10 @@ class Panel {
       this.passed = passed;
       return;
     }
-    if (seeds > 1) return this.say(`${seeds} seeds: learning return ${measured(bands.transfer.mean.at(-1))} on average.`);
+    if (seeds > 1) {
+      const { mean } = bands.transfer;
+      return this.say(`${seeds} seeds: learning return ${measured(average(mean))} over the run, ${measured(mean.at(-1))} at its end.`);
+    }
     const end = iteration >= this.setup.iterations ? "Done" : "Paused";
     const goal = arrival ? `${STAGE.reached} at ${grouped(arrival)}` : STAGE.never;
     this.say(iteration ? `${end} at ${grouped(iteration)}: learning return ${value}; ${goal}.` : "Ready.");
@@ -290,8 +297,9 @@ class Panel {
     const who = plays && (plays.sources ? "a source plays" : "what was learned plays");
     this.find(".plays").textContent = plays ? `${who}; another source is of this task’s kind: ${plays.trust.toFixed(2)}` : "";
     const own = Object.entries(learning).map(([name, y]) => {
-      const mean = bands && bands[name].mean.at(-1);
-      return { name, label: bands ? `${name === "transfer" ? "this setting" : LIVE[name]}, ${seeds} seeds ${measured(mean)}` : `${LIVE[name]} ${measured(y)}` };
+      if (!bands) return { name, label: `${LIVE[name]} ${measured(y)}` };
+      const over = measured(average(bands[name].mean));
+      return { name, label: `${name === "transfer" ? "this setting" : LIVE[name]}, ${seeds} seeds: ${over} over the run` };
     });
     this.find(".legend").replaceChildren(...[...own, ...(this.pinned || this.setup.references)].map((one) => {
       const entry = document.createElement("li");

@@ -23,6 +23,7 @@ STEPS = (  # the titles of the storyboard's pictures
     "4  Update: the other side it must be",
 )
 JITTER = 1e-3  # added to the variances of ten functions, which span nine directions
+NARROW = 0.02  # standard deviation of a prior without links, and of the targets that then count
 
 
 @frozen(eq=False)
@@ -38,9 +39,11 @@ def values(treasure: int) -> np.ndarray:
     return np.asarray(DISCOUNT ** np.abs(np.arange(CELLS) - treasure))
 
 
-def prior() -> Belief:
-    """The mean and the covariance of ten old value functions."""
+def prior(links: bool = True) -> Belief:
+    """The mean and the covariance of ten old value functions, or their mean and one variance."""
     old = np.array([values(x) for x in OLD_TREASURES])
+    if not links:
+        return Belief(old.mean(0), NARROW**2 * np.eye(CELLS))
     return Belief(old.mean(0), np.cov(old.T) + JITTER * np.eye(CELLS))
 
 
@@ -60,7 +63,7 @@ def walk(drawn: np.ndarray) -> list[int]:
     return cells
 
 
-def posterior(before: Belief, seen: Sequence[int]) -> Belief:
+def posterior(before: Belief, seen: Sequence[int], noise: float = NOISE) -> Belief:
     """What is believed after visits of some cells.
 
     Each visit is an observation of its cell's value with Gaussian noise: the TD target 1 at the
@@ -73,7 +76,7 @@ def posterior(before: Belief, seen: Sequence[int]) -> Belief:
         targets[TREASURE] = 1.0
         mean, covariance = before.mean, before.covariance
         for cell in seen:
-            gain = covariance[cell] / (covariance[cell, cell] + NOISE**2)
+            gain = covariance[cell] / (covariance[cell, cell] + noise**2)
             mean = mean + gain * (targets[cell] - mean[cell])
             covariance = covariance - np.outer(gain, covariance[cell])
     return Belief(mean, covariance)
@@ -135,6 +138,7 @@ def corridor() -> str:
         "noise": NOISE,
         "sweeps": SWEEPS,
         "jitter": JITTER,
+        "narrow": {"jitter": NARROW**2, "noise": NARROW},
         "colours": {"belief": COLOURS["GVT"], "draw": COLOURS["1-MGVT"]},
     }
     return panel("corridor", setup)

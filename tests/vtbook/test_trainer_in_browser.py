@@ -137,7 +137,7 @@ def test_two_rooms_have_one_door_and_ten_seeds_are_drawn_with_their_mean_and_ban
     assert trained(panel)["transfer"] > 0.2
     panel.get_by_role("button", name="Ten seeds").click()
     shows(panel, ".says", "^10 seeds: ")
-    shows(panel, ".legend .transfer", r"10 seeds 0\.\d")
+    shows(panel, ".legend .transfer", r"10 seeds: 0\.\d")
     for part in ("mean", "band"):
         assert panel.locator(f".chart .{part}.transfer").get_attribute("points").count(",") > 100
     panel.get_by_role("button", name="Reset").click()
@@ -147,13 +147,17 @@ def test_two_rooms_have_one_door_and_ten_seeds_are_drawn_with_their_mean_and_ban
 
 def test_the_stories_of_the_first_page_are_as_their_lines_say(opened):
     panel = opened("index")
-    for name in ("two sources", "sources that mislead"):
-        panel.get_by_role("button", name=name).click()
-        assert "hoose the mixture" in panel.locator(".look").inner_text()
-        assert panel.get_by_label("Gaussian (GVT)").is_checked()
-        assert finished(panel)["transfer"] < 0.05  # a story begins at once
-        panel.get_by_label("mixture (MGVT)").check()
-        assert trained(panel)["transfer"] > 0.7
+    panel.get_by_role("button", name="two sources").click()
+    assert panel.get_by_label("Gaussian (GVT)").is_checked()
+    assert finished(panel)["transfer"] < 0.05  # a story begins at once
+    panel.get_by_label("mixture (MGVT)").check()
+    assert trained(panel)["transfer"] > 0.7
+    panel.get_by_role("button", name="sources that mislead").click()
+    assert panel.get_by_label("mixture (MGVT)").is_checked()
+    assert finished(panel)["transfer"] > 0.7
+    power = panel.get_by_label("lambda")
+    power.fill(str(float(power.input_value()) + 2))
+    assert trained(panel)["transfer"] < 0.1
     assert panel.locator(".chart .pinned").get_attribute("points")  # what came before stays
     panel.get_by_role("button", name="Trust").click()
     assert finished(panel)["transfer"] > 0.6  # of what it has learned, for the sources fail

@@ -13,7 +13,8 @@ weights of its own. In both kinds of rooms 1-MGVT, 3-MGVT and fine-tuning of the
 published, since tuning over eight runs may have chosen worse settings. Policy reuse, which draws a
 source for each episode by what sources have earned and learns nothing, was added after all others,
 and then Trust as `vtlib.transfer` runs it: in the last fifth of its steps a trial decides what is
-kept. Until then each of its runs is the judged one.
+kept. Until then each of its runs is the judged one. The trial ran once before, in which both always
+played in turn; it cost up to three points, and its rule was changed.
 """
 
 from attrs import evolve
