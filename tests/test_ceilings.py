@@ -11,7 +11,7 @@ from bs4 import BeautifulSoup, Tag
 # Words of a page's prose.
 WORDS = {
     "index": 350,
-    "idea": 510,
+    "idea": 550,
     "introduction": 300,
     "background": 760,
     "setting": 480,
@@ -28,10 +28,10 @@ WORDS = {
     "mazes": 520,
     "prior_weight": 340,
     "calibration": 460,
-    "controls": 745,
+    "controls": 750,
     "comparison": 330,
     "recommended": 720,
-    "guide": 700,
+    "guide": 710,
     "conclusions": 405,
 }
 APPENDIX = "parameters", "scorecard", "deviations", "trust_in_full", "reproducing", "glossary"

@@ -99,7 +99,7 @@ def held(label, level):
 # page, words around the number, and what computes it from what
 NUMBERS = [
     ("index", f"such agents end at {SHARE}", mean_at, ROOMS + "-controls", "1-MGVT", 5_000),
-    ("index", f"average earns {COUNT} points less", lead, ROOMS + "-controls", "1-MGVT", MEAN),
+    ("index", f"average earns {COUNT} percentage points less", lead, ROOMS + "-controls", "1-MGVT", MEAN),
     ("index", f"change what it earns by {RANGE}", over_mazes, "1-MGVT", "NT"),
     ("index", f"left alone, gets {SHARE}", mean_until, CAR + "-untouched", "untouched", END),
     (ROOMS, f"2,000 steps it earns {SHARE}", mean_at, ROOMS + "-controls", "1-MGVT", 2_000),
@@ -126,7 +126,7 @@ NUMBERS = [
     ("comparison", f"untouched {RANGE}, less", gain, ROOMS + "-compared", "untouched", "1-MGVT"),
     ("trust_in_full", f"untouched: {RANGE}", gain, POLE + "-trust", "trust", "untouched"),
     ("trust_in_full", f"no transfer: {RANGE}", gain, MAZE + "-trust", "trust", "NT"),
-    ("recommended", f"wrong way\\) Trust earns {COUNT} points", over_reuse, "wired-cartpole"),
+    ("recommended", f"two wirings \\), Trust earns {COUNT} points", over_reuse, "wired-cartpole"),
     ("calibration", f"with one component, contain {RANGE}", held, "1-MGVT", 2),
 ]
 
