@@ -153,11 +153,12 @@ def test_the_stories_of_the_first_page_are_as_their_lines_say(opened):
     panel.get_by_label("mixture (MGVT)").check()
     assert trained(panel)["transfer"] > 0.7
     panel.get_by_role("button", name="sources that mislead").click()
-    assert panel.get_by_label("mixture (MGVT)").is_checked()
-    assert finished(panel)["transfer"] > 0.7
+    assert panel.get_by_label("Gaussian (GVT)").is_checked()
+    assert finished(panel)["transfer"] < 0.05
     power = panel.get_by_label("lambda")
-    power.fill(str(float(power.input_value()) + 2))
-    assert trained(panel)["transfer"] < 0.1
+    power.fill(str(float(power.input_value()) - 2))
+    assert power.get_attribute("aria-valuetext") == "10⁻⁵"
+    assert trained(panel)["transfer"] > 0.7
     assert panel.locator(".chart .pinned").get_attribute("points")  # what came before stays
     panel.get_by_role("button", name="Trust").click()
     assert finished(panel)["transfer"] > 0.6  # of what it has learned, for the sources fail
