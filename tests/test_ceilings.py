@@ -28,10 +28,10 @@ WORDS = {
     "mazes": 520,
     "prior_weight": 340,
     "calibration": 460,
-    "controls": 750,
+    "controls": 775,
     "comparison": 330,
     "recommended": 720,
-    "guide": 710,
+    "guide": 720,
     "conclusions": 405,
 }
 APPENDIX = "parameters", "scorecard", "deviations", "trust_in_full", "reproducing", "glossary"

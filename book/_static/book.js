@@ -141,6 +141,19 @@ document.addEventListener("DOMContentLoaded", () => {
   }
 });
 
+/* In the table of contents the thesis and what follows it are folded, but where the reader is. */
+document.addEventListener("DOMContentLoaded", () => {
+  for (const caption of [...document.querySelectorAll(".bd-sidebar-primary p.caption")].slice(2)) {
+    const list = caption.nextElementSibling, part = document.createElement("details");
+    const summary = document.createElement("summary");
+    part.className = "part";
+    part.open = list.querySelector(".current, .active") !== null;
+    caption.before(part);
+    summary.append(caption);
+    part.append(summary, list);
+  }
+});
+
 /* Pages opened from disk may not read each other, so search there shows titles without excerpts. */
 if (location.protocol === "file:" && typeof DOCUMENTATION_OPTIONS !== "undefined") {
   DOCUMENTATION_OPTIONS.SHOW_SEARCH_SUMMARY = false;

@@ -59,14 +59,10 @@
     });
   }
 
-  /* The cells from the start uphill, to the treasure or to the peak. */
+  /* The cells from the start to the peak, or to a treasure on the way. */
   function walk(values, { start, treasure }) {
-    const cells = [start];
-    for (let here = start; here !== treasure; cells.push(here)) {
-      const next = neighbours(here, values.length).reduce((a, b) => (values[b] > values[a] ? b : a));
-      if (values[next] <= values[here]) break;
-      here = next;
-    }
+    const cells = [start], peak = values.indexOf(Math.max(...values));
+    while (cells.at(-1) !== treasure && cells.at(-1) !== peak) cells.push(cells.at(-1) + Math.sign(peak - cells.at(-1)));
     return cells;
   }
 
@@ -100,7 +96,9 @@
     draw() {
       this.arrive();
       if (this.fresh.length) return this.say("First update: the walk has not been learned from yet.", "update");
-      this.values = drawn(this.belief);
+      // the first sample leads left, away from the treasure, as half of all do
+      do this.values = drawn(this.belief);
+      while (!this.rounds && !(walk(this.values, this.setup).at(-1) < this.setup.start));
       this.shown = 0;
       const like = this.box.checked ? "the mean, as every draw does here" : "an old one";
       this.say(`One value function that the belief holds possible. It looks much like ${like}.`, "act");
@@ -120,7 +118,7 @@
       this.shown += 1;
       if (matchMedia("(prefers-reduced-motion: reduce)").matches) this.shown = this.fresh.length;
       if (this.shown >= this.fresh.length) return this.arrive();
-      this.say("The agent walks uphill on what it has drawn.", "act");
+      this.say("The agent walks to the peak of what it has drawn.", "act");
       this.timer = setTimeout(() => this.step(), PAUSE);
     }
 

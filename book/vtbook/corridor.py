@@ -53,13 +53,10 @@ def neighbours(cell: int) -> list[int]:
 
 
 def walk(drawn: np.ndarray) -> list[int]:
-    """The cells from the start uphill on a value function, to the treasure or to its peak."""
-    cells = [START]
-    while cells[-1] != TREASURE:
-        best = max(neighbours(cells[-1]), key=lambda x: drawn[x])
-        if drawn[best] <= drawn[cells[-1]]:
-            break
-        cells.append(best)
+    """The cells from the start to the peak of a value function, or to a treasure on the way."""
+    cells, peak = [START], int(np.argmax(drawn))
+    while cells[-1] not in (TREASURE, peak):
+        cells.append(cells[-1] + int(np.sign(peak - cells[-1])))
     return cells
 
 

@@ -26,8 +26,8 @@ LATER = {
     f"{PICKED}, 8 steps": f"{PICKED}{EIGHT}",
     "no transfer, 8 steps": f"NT{EIGHT}",
 }
-#: The best of the mixtures and fine-tuning with more gradient steps, picked afterwards.
-MORE = "mixture or fine-tuned, 4 or 8 steps"
+#: The best of the mixtures and fine-tuning with four or eight gradient steps, picked afterwards.
+MORE = "mixture, 4 or 8 steps"
 
 
 @frozen

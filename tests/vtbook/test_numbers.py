@@ -98,8 +98,15 @@ def held(label, level):
 
 # page, words around the number, and what computes it from what
 NUMBERS = [
-    ("index", f"such agents end at {SHARE}", mean_at, ROOMS + "-controls", "1-MGVT", 5_000),
-    ("index", f"average earns {COUNT} percentage points less", lead, ROOMS + "-controls", "1-MGVT", MEAN),
+    ("index", f"like it end, on average, at {SHARE}", mean_at, ROOMS + "-controls", "1-MGVT", 5_000),
+    (
+        "index",
+        f"average earns {COUNT} percentage points less",
+        lead,
+        ROOMS + "-controls",
+        "1-MGVT",
+        MEAN,
+    ),
     ("index", f"change what it earns by {RANGE}", over_mazes, "1-MGVT", "NT"),
     ("index", f"left alone, gets {SHARE}", mean_until, CAR + "-untouched", "untouched", END),
     (ROOMS, f"2,000 steps it earns {SHARE}", mean_at, ROOMS + "-controls", "1-MGVT", 2_000),
