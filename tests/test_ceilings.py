@@ -28,9 +28,9 @@ WORDS = {
     "mazes": 520,
     "prior_weight": 340,
     "calibration": 460,
-    "controls": 775,
+    "controls": 800,
     "comparison": 330,
-    "recommended": 720,
+    "recommended": 690,
     "guide": 720,
     "conclusions": 405,
 }
