@@ -26,7 +26,7 @@ WORDS = {
     "cartpole": 335,
     "mountain_car": 470,
     "mazes": 520,
-    "prior_weight": 340,
+    "prior_weight": 365,
     "calibration": 460,
     "controls": 800,
     "comparison": 330,

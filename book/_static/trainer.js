@@ -295,7 +295,7 @@ class Panel {
     for (const [name, number] of Object.entries({ iteration, episodes, speed })) texts[name] = grouped(number);
     for (const [name, text] of Object.entries(texts)) this.find(`.facts .${name}`).textContent = text;
     const who = plays && (plays.sources ? "a source plays" : "what was learned plays");
-    this.find(".plays").textContent = plays ? `${who}; another source is of this task’s kind: ${plays.trust.toFixed(2)}` : "";
+    this.find(".plays").textContent = plays ? `${who}; an untried source fits with probability ${plays.trust.toFixed(2)}` : "";
     const own = Object.entries(learning).map(([name, y]) => {
       if (!bands) return { name, label: `${LIVE[name]} ${measured(y)}` };
       const over = measured(average(bands[name].mean));

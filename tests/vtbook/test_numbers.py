@@ -98,7 +98,14 @@ def held(label, level):
 
 # page, words around the number, and what computes it from what
 NUMBERS = [
-    ("index", f"like it end, on average, at {SHARE}", mean_at, ROOMS + "-controls", "1-MGVT", 5_000),
+    (
+        "index",
+        f"like it end, on average, at {SHARE}",
+        mean_at,
+        ROOMS + "-controls",
+        "1-MGVT",
+        5_000,
+    ),
     (
         "index",
         f"average earns {COUNT} percentage points less",

@@ -114,7 +114,7 @@ def test_the_recommended_method_says_who_plays_and_has_nothing_to_set(opened, pa
     assert panel.get_by_label("lambda").is_disabled()
     shown = trained(panel)
     assert shown["transfer"] > shown["none"] + 5
-    shows(panel, ".plays", "plays; another source is of this task’s kind: 0.[5-9]")
+    shows(panel, ".plays", "plays; an untried source fits with probability 0.[5-9]")
 
 
 def test_who_drives_is_seen_while_training_goes_on(opened, page):
