@@ -28,11 +28,11 @@ WORDS = {
     "mazes": 520,
     "prior_weight": 365,
     "calibration": 460,
-    "controls": 800,
+    "controls": 840,
     "comparison": 330,
     "recommended": 690,
     "guide": 720,
-    "conclusions": 405,
+    "conclusions": 415,
 }
 APPENDIX = "parameters", "scorecard", "deviations", "trust_in_full", "reproducing", "glossary"
 APPENDIX_WORDS = 2800

@@ -27,7 +27,7 @@ LATER = {
     "no transfer, 8 steps": f"NT{EIGHT}",
 }
 #: The best of the mixtures and fine-tuning with four or eight gradient steps, picked afterwards.
-MORE = "mixture, 4 or 8 steps"
+MORE = "mixture or fine-tuned, 4–8 steps"
 
 
 @frozen
