@@ -72,6 +72,23 @@ def test_pages_are_copied_again_when_the_book_changes_but_what_a_reader_changed_
     assert nbformat.read(copy, 4).cells[0].source == "3 + 3"
 
 
+@pytest.mark.parametrize("edited", [False, True])
+def test_the_copy_of_a_page_that_has_moved_goes_unless_a_reader_changed_it(
+    extension, tmp_path, monkeypatch, edited
+):
+    monkeypatch.setenv("JUPYTER_DATA_DIR", str(tmp_path / "data"))
+    v4, copies, built = nbformat.v4, tmp_path / "copies", tmp_path / "01-idea.ipynb"
+    nbformat.write(v4.new_notebook(cells=[v4.new_code_cell("1 + 1")]), built)
+    extension("lab").copy_pages(tmp_path, copies)
+    if edited:
+        nbformat.write(v4.new_notebook(cells=[v4.new_code_cell("mine")]), copies / built.name)
+    built.rename(tmp_path / "02-idea.ipynb")
+    for _ in range(2):
+        extension("lab").copy_pages(tmp_path, copies)
+        assert (copies / "02-idea.ipynb").exists()
+        assert (copies / "01-idea.ipynb").exists() == edited
+
+
 def test_without_a_built_book_one_line_says_what_to_do(extension, tmp_path):
     with pytest.raises(SystemExit, match="make book"):
         extension("lab").copy_pages(tmp_path / "none", tmp_path / "notebooks")

@@ -37,6 +37,8 @@ SETTINGS = {
 def copy_pages(built: Path = BUILT, folder: Path = FOLDER) -> list[str]:
     """Copy each page whose text and code its reader has not changed; the names of the others.
 
+    Copies of pages that the book has no more go, too, unless a reader has changed them.
+
     Copies are signed, for JupyterLab shows no sliders of a notebook that it does not trust. Where
     the book is not built the program ends and says so.
     """
@@ -58,6 +60,11 @@ def copy_pages(built: Path = BUILT, folder: Path = FOLDER) -> list[str]:
         shutil.copy(page, copy)
         digests[page.name] = new
         notary.sign(nbformat.read(copy, as_version=4))
+    for name in digests.keys() - {page.name for page in pages}:  # they have gone or moved
+        copy = folder / name
+        if copy.exists() and digest(copy) == digests[name]:
+            copy.unlink()
+        del digests[name]
     record.write_text(json.dumps(digests, indent=1))
     return changed
 
