@@ -31,7 +31,7 @@ WORDS = {
     "controls": 840,
     "comparison": 330,
     "recommended": 690,
-    "guide": 720,
+    "guide": 725,
     "conclusions": 415,
 }
 APPENDIX = "parameters", "scorecard", "deviations", "trust_in_full", "reproducing", "glossary"

@@ -66,9 +66,11 @@ def mean_curves(runs: Mapping[str, Dataset], until: int) -> list[dict[str, Any]]
     for label, runs_of in runs.items():
         mean = runs_of.learning.sel(iteration=slice(None, until)).mean("run")
         source = f"{label.replace('trust', 'Trust')} from ten sources"
+        others = f"{runs_of.sizes['run']} runs on other tasks"
+        optimum = f"{float(runs_of.optimum.mean()):.3g}".replace("-", "−")
         curves.append(
             {
-                "label": f"{source}, mean of {runs_of.sizes['run']} runs on other tasks",
+                "label": f"{source}, mean of {others} (mean optimum {optimum})",
                 "family": FAMILIES[label],
                 "colour": COLOURS[label],
                 "iterations": mean.iteration.values.tolist(),
