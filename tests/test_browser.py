@@ -107,11 +107,22 @@ def test_the_corridor_is_drawn_acted_and_updated_by_keys(visit, page):
     for button in ("update", "draw", "act"):  # the first has nothing to learn from
         page.locator(f".corridor button[value={button}]").press("Enter")
         assert band.get_attribute("points") == before
-    assert "treasure" in said.inner_text()
+    assert "no treasure" in said.inner_text()  # for the first sample leads away from it
     page.locator(".corridor button[value=update]").press("Enter")
     assert band.get_attribute("points") != before
     page.locator(".corridor button[value=again]").press("Enter")
     assert band.get_attribute("points") == before
+    page.locator(".corridor input").check()
+    assert band.get_attribute("points") != before
+
+
+def test_the_contents_fold_the_parts_where_the_reader_is_not(visit, page):
+    folded = page.locator(".bd-sidebar-primary details.part")
+    for where, unfolded in {"idea": [], "method": ["The thesis, recomputed"]}.items():
+        visit(f"book/{where}.html")
+        assert folded.count() == 3
+        opened = page.locator(".bd-sidebar-primary details.part[open] p.caption")
+        assert opened.all_inner_texts() == unfolded
 
 
 def test_claims_are_filtered_by_verdict_and_page(visit, page):
