@@ -36,18 +36,18 @@ WORD = [None, 3, "", "exact ", "student", ["full"]]
 BY_KIND = [
     ("components minibatch buffer n_samples epsilon_steps target_every", COUNT),
     ("every recent updates trials trial episodes", COUNT),
-    ("alpha alpha_mu alpha_L bandwidth sigma_p2 sigma_min jitter", POSITIVE),
+    ("alpha alpha_mu alpha_L bandwidth sigma_p2 sigma_min jitter enough", POSITIVE),
     ("kappa", [*POSITIVE, 9e-4]),
     ("clip kl_clip", POSITIVE[1:]),
-    ("lambda_ bias scale optimism", NEGATIVE),
+    ("lambda_ bias scale optimism strength", NEGATIVE),
     ("psi epsilon_start epsilon_end random", SHARE),
     ("gamma beta1 beta2", [*SHARE, 1]),
-    ("family init act covariance kl prior start responsibilities", WORD),
+    ("family init act covariance kl prior start responsibilities pull", WORD),
     ("patience", [*COUNT[:-5], -1, 0.0]),
     ("ddof", [*COUNT[:-5], -1, 2, 0.5]),
     ("learner", [*WORD, Settings()]),
     ("settings", WORD),
-    ("sources_play", [*WORD, 0, 1]),
+    ("sources_play held", [*WORD, 0, 1]),
 ]
 BAD = {name: values for names, values in BY_KIND for name in names.split()}
 # what the same names mean elsewhere

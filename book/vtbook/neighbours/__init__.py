@@ -4,6 +4,7 @@ Each is a frozen attrs class of settings whose ``agent`` is given the sources' w
 ``vtlib.transfer.Settings``: an experiment runs it, stores it and verifies it like any algorithm.
 """
 
+from vtbook.neighbours.anchored import AnchoredSettings
 from vtbook.neighbours.guided import GuidedSettings
 from vtbook.neighbours.langevin import LangevinSettings
 from vtbook.neighbours.picked import PickedSettings
@@ -15,6 +16,7 @@ from vtbook.neighbours.untouched import UntouchedSettings
 from vtbook.neighbours.varied import VariedTrust
 
 __all__ = [
+    "AnchoredSettings",
     "GuidedSettings",
     "LangevinSettings",
     "PickedSettings",
