@@ -7,6 +7,11 @@ import torch
 from torch import Tensor
 
 from vtlab.envs.base import TaskBatch
+from vtlab.experiment import Experiment
+from vtlab.run import chosen_sources, targets
+from vtlab.store import weights
+from vtlib.qfunctions import greedy
+from vtlib.rng import Rng
 
 
 def walks(
@@ -28,3 +33,17 @@ def walks(
             break
     whole = torch.stack(states, 1).numpy()
     return [walk[:last] for walk, last in zip(whole, length.tolist(), strict=True)]
+
+
+def walks_of_the_mean(experiment: Experiment, steps: int) -> list[np.ndarray]:
+    """The first episode in each run's task of an agent that acts by its sources' mean alone.
+
+    It begins in the corner and acts greedily, for at most so many steps.
+    """
+    runs, q = range(experiment.runs), experiment.family.q()
+    tasks, chosen = targets(experiment, runs), chosen_sources(experiment, runs)
+    mean = torch.from_numpy(weights(experiment.pool)[chosen]).mean(1, keepdim=True)
+    noise = Rng(f"{experiment.name} walks of the mean", runs).stream("noise").normal(steps * 2)
+    noise = noise.view(len(runs), steps, 2).transpose(0, 1)
+    start = tasks.start(torch.zeros(len(runs), 2))
+    return walks(tasks, lambda state: greedy(q, mean, state), start, noise)
