@@ -36,7 +36,7 @@ WORD = [None, 3, "", "exact ", "student", ["full"]]
 BY_KIND = [
     ("components minibatch buffer n_samples epsilon_steps target_every", COUNT),
     ("every recent updates trials trial episodes", COUNT),
-    ("alpha alpha_mu alpha_L bandwidth sigma_p2 sigma_min jitter enough", POSITIVE),
+    ("alpha alpha_mu alpha_L bandwidth sigma_p2 sigma_min jitter enough epsilon", POSITIVE),
     ("kappa", [*POSITIVE, 9e-4]),
     ("clip kl_clip", POSITIVE[1:]),
     ("lambda_ bias scale optimism strength", NEGATIVE),

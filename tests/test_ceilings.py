@@ -28,7 +28,7 @@ WORDS = {
     "mazes": 520,
     "prior_weight": 365,
     "calibration": 460,
-    "controls": 840,
+    "controls": 890,
     "comparison": 330,
     "recommended": 690,
     "guide": 725,

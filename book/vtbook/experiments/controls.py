@@ -102,6 +102,11 @@ SECOND_POOLS = {
 # linear rooms belongs to one place and one action. How much data is "enough" was fixed at 1, a
 # visit to the middle of its base; a tenth and ten times as much are there to see what that changes.
 ENOUGH = (1.0, 0.1, 10.0)
+# When these runs had been seen, and before the next, we asked what moves unseen weights. Adam's
+# steps are about as long however small a gradient is, so the traces of features that reach a weight
+# from afar would do. A larger epsilon keeps such a weight where it is. If so, it should gain without
+# a pull about what the pull gains, and a pull should then add little.
+EPSILONS = (1e-5, 1e-4, 1e-3)
 
 
 def _anchored(mixture: Settings) -> dict[str, Algorithm]:
@@ -117,6 +122,9 @@ def _anchored(mixture: Settings) -> dict[str, Algorithm]:
         found[f"pull on the unseen{of}"] = evolve(pulled, pull="unseen", enough=enough)
         found[f"pull on the seen{of}"] = evolve(pulled, pull="seen", enough=enough)
         found[f"unseen held{of}"] = evolve(free, held=True, enough=enough)
+    for epsilon in EPSILONS:
+        for name in ("no pull", "pull"):
+            found[f"{name}, epsilon {epsilon:g}"] = evolve(found[name], epsilon=epsilon)
     return found
 
 

@@ -21,7 +21,8 @@ class AnchoredSettings(TDSettings):
     is lambda / sigma_p^2 of a mixture. pull: which weights are pulled. A weight is seen once the
     slopes of the values of all actions taken, with respect to it, add up to ``enough``; for a
     linear Q-function they are its features. held: weights do not move before they are seen. alpha:
-    step size of Adam.
+    step size of Adam. epsilon: what Adam adds to the root of a squared gradient, so that much smaller
+    gradients hardly move a weight.
     """
 
     strength: float = field(default=0.1, validator=between(0, HUGE))
@@ -29,6 +30,7 @@ class AnchoredSettings(TDSettings):
     enough: float = field(default=1.0, validator=positive())
     held: bool = field(default=False, validator=kind(bool))
     alpha: float = field(default=1e-3, validator=positive())
+    epsilon: float = field(default=1e-8, validator=positive())
 
     def agent(self, q: QFunction, sources: Tensor, obs_dim: int, rng: Rng) -> Anchored:
         """An agent that transfers from sources (R, S, d)."""
@@ -45,7 +47,8 @@ class Anchored(Learner):
         self._settings, self._mean = settings, sources.mean(1, keepdim=True)
         self.mu = self._mean.clone()
         self._slopes = torch.zeros_like(self.mu)
-        self._adam = torch.optim.Adam([self.mu], lr=settings.alpha, fused=True)
+        how = {"lr": settings.alpha, "eps": settings.epsilon}
+        self._adam = torch.optim.Adam([self.mu], fused=True, **how)
 
     def learn(self, transition: Transition) -> None:
         """Store one transition of each run, note which weights it has seen, and learn."""

@@ -17,12 +17,12 @@ def test_a_step_is_its_formula(pull, held, on_a_line):
     sources = torch.randn(2, 3, 2, generator=torch.Generator().manual_seed(0))
     # both slopes of w + b at 1 are 1, so that the third step is the first to see enough
     how = AnchoredSettings(
-        strength=STRENGTH, pull=pull, enough=2.5, held=held, alpha=0.02, minibatch=2
+        strength=STRENGTH, pull=pull, enough=2.5, held=held, alpha=0.02, epsilon=0.5, minibatch=2
     )
     agent, step = on_a_line(how, sources)
     mean = sources.mean(1, keepdim=True)
     w = mean.clone().requires_grad_()
-    adam = torch.optim.Adam([w], lr=0.02)
+    adam = torch.optim.Adam([w], lr=0.02, eps=0.5)
     for t in range(1, STEPS):
         agent.learn(step)
         seen = t >= 3
