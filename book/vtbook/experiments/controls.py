@@ -103,9 +103,9 @@ SECOND_POOLS = {
 # visit to the middle of its base; a tenth and ten times as much are there to see what that changes.
 ENOUGH = (1.0, 0.1, 10.0)
 # When these runs had been seen, and before the next, we asked what moves unseen weights. Adam's
-# steps are about as long however small a gradient is, so the traces of features that reach a weight
-# from afar would do. A larger epsilon keeps such a weight where it is. If so, it should gain without
-# a pull about what the pull gains, and a pull should then add little.
+# steps are about as long however small a gradient is, so traces of features that reach a weight
+# from afar would do. A larger epsilon keeps such a weight where it is. If so, it should gain
+# without a pull about what the pull gains, and a pull should then add little.
 EPSILONS = (1e-5, 1e-4, 1e-3)
 
 
@@ -123,8 +123,8 @@ def _anchored(mixture: Settings) -> dict[str, Algorithm]:
         found[f"pull on the seen{of}"] = evolve(pulled, pull="seen", enough=enough)
         found[f"unseen held{of}"] = evolve(free, held=True, enough=enough)
     for epsilon in EPSILONS:
-        for name in ("no pull", "pull"):
-            found[f"{name}, epsilon {epsilon:g}"] = evolve(found[name], epsilon=epsilon)
+        for name, settings in (("no pull", free), ("pull", pulled)):
+            found[f"{name}, epsilon {epsilon:g}"] = evolve(settings, epsilon=epsilon)
     return found
 
 

@@ -21,8 +21,8 @@ class AnchoredSettings(TDSettings):
     is lambda / sigma_p^2 of a mixture. pull: which weights are pulled. A weight is seen once the
     slopes of the values of all actions taken, with respect to it, add up to ``enough``; for a
     linear Q-function they are its features. held: weights do not move before they are seen. alpha:
-    step size of Adam. epsilon: what Adam adds to the root of a squared gradient, so that much smaller
-    gradients hardly move a weight.
+    step size of Adam. epsilon: what Adam adds to the root of the mean squared gradient, so that
+    much smaller gradients hardly move a weight.
     """
 
     strength: float = field(default=0.1, validator=between(0, HUGE))
