@@ -47,8 +47,8 @@ class Anchored(Learner):
         self._settings, self._mean = settings, sources.mean(1, keepdim=True)
         self.mu = self._mean.clone()
         self._slopes = torch.zeros_like(self.mu)
-        how = {"lr": settings.alpha, "eps": settings.epsilon}
-        self._adam = torch.optim.Adam([self.mu], fused=True, **how)
+        rate, epsilon = settings.alpha, settings.epsilon
+        self._adam = torch.optim.Adam([self.mu], lr=rate, eps=epsilon, fused=True)
 
     def learn(self, transition: Transition) -> None:
         """Store one transition of each run, note which weights it has seen, and learn."""
