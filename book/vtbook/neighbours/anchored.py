@@ -50,6 +50,16 @@ class Anchored(Learner):
         rate, epsilon = settings.alpha, settings.epsilon
         self._adam = torch.optim.Adam([self.mu], lr=rate, eps=epsilon, fused=True)
 
+    @property
+    def seen(self) -> Tensor:
+        """Which weights (R, 1, d) have been seen."""
+        return self._slopes >= self._settings.enough
+
+    @property
+    def moved(self) -> Tensor:
+        """How far each weight (R, 1, d) is from the mean, where it began."""
+        return (self.mu - self._mean).detach().abs()
+
     def learn(self, transition: Transition) -> None:
         """Store one transition of each run, note which weights it has seen, and learn."""
         values, pullback = self._q.vjp(self.mu, self._q.prepare(transition.obs.unsqueeze(1)))
@@ -61,7 +71,7 @@ class Anchored(Learner):
         return self.mu
 
     def _descend(self, batch: Transition) -> None:
-        s, seen = self._settings, self._slopes >= self._settings.enough
+        s, seen = self._settings, self.seen
         pulled = {"everywhere": torch.ones_like(seen), "seen": seen, "unseen": ~seen}[s.pull]
         away = (self.mu - self._mean) * pulled
         self.mu.grad = self._gradients(self.mu, batch).add_(away, alpha=s.strength / self._steps)
