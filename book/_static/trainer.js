@@ -94,7 +94,18 @@ class Chart {
     draw(this.marks, "line", { x1: x, x2: x, y1: this.top, y2: this.bottom });
   }
 
-  show({ curves, learning, iteration, bands }) {
+  /* Who plays, episode by episode, along the bottom. */
+  tell({ turns, count }, iteration) {
+    const ends = [...turns.slice(1).map(([step]) => step), iteration], players = this.svg.querySelector(".players");
+    players.replaceChildren();
+    turns.forEach(([step, arm], i) => {
+      const x = this.across(step), width = Math.max(0, this.across(ends[i]) - x);
+      draw(players, "rect", { x, width, y: this.bottom - 6, height: 6, class: arm < count ? "source" : "own" });
+    });
+  }
+
+  show({ curves, learning, iteration, bands, plays }) {
+    this.tell(plays && !bands ? plays : { turns: [] }, iteration);
     for (const name of Object.keys(LIVE)) {
       const values = [...(curves[name] ?? []), learning[name]];
       const places = values.map((_, i) => Math.min((i + 1) * this.setup.every, iteration));
@@ -294,8 +305,8 @@ class Panel {
     const texts = { arrival: arrival ? `at ${grouped(arrival)}` : "not yet" };
     for (const [name, number] of Object.entries({ iteration, episodes, speed })) texts[name] = grouped(number);
     for (const [name, text] of Object.entries(texts)) this.find(`.facts .${name}`).textContent = text;
-    const who = plays && (plays.sources ? "a source plays" : "what was learned plays");
-    this.find(".plays").textContent = plays ? `${who}; an untried source fits with probability ${plays.trust.toFixed(2)}` : "";
+    const arm = plays?.turns.at(-1)[1], who = plays && (arm < plays.count ? `old policy ${arm + 1} plays` : "the learner plays");
+    this.find(".plays").textContent = plays ? `${who}; an untried one fits with probability ${plays.trust.toFixed(2)}. Strip: grey for old policies, violet for the learner.` : "";
     const own = Object.entries(learning).map(([name, y]) => {
       if (!bands) return { name, label: `${LIVE[name]} ${measured(y)}` };
       const over = measured(average(bands[name].mean));

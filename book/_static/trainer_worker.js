@@ -157,6 +157,7 @@ class Run {
     });
     const arm = record.choose(this.steps >= BEGUN, uniform(), normals(sources.length, uniform));
     Object.assign(this, { promise, promised: (high - low) / NORMAL, driven: arm < sources.length });
+    (this.turns ??= []).push([this.steps, arm]);
     if (this.driven) this.drive(sources[arm]);
   }
 
@@ -307,7 +308,7 @@ class Training {
       running, iteration: transfer.steps, episodes: transfer.episodes, arrival: transfer.arrival,
       path: transfer.path, last: transfer.last, curves: this.curves, speed: this.speed,
       seeds: this.finished.length, bands: this.finished.length > 1 && bandsOf(this.finished),
-      plays: transfer.record && { sources: transfer.driven, trust: transfer.record.trust },
+      plays: transfer.record && { turns: transfer.turns, count: transfer.record.count, trust: transfer.record.trust },
       learning: Object.fromEntries(Object.entries(this.runs).map(([k, r]) => [k, r.learning])),
       ...(look && { maps: typeof mapsOf === "function" && mapsOf(transfer) }),
     });

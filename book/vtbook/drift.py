@@ -1,4 +1,4 @@
-"""How far weights move from the sources' mean that the new task has said something about, or not."""
+"""How far weights move from where they began, if the new task has said something of them or not."""
 
 import itertools
 

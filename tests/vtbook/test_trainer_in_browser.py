@@ -114,7 +114,15 @@ def test_the_recommended_method_says_who_plays_and_has_nothing_to_set(opened, pa
     assert panel.get_by_label("lambda").is_disabled()
     shown = trained(panel)
     assert shown["transfer"] > shown["none"] + 5
-    shows(panel, ".plays", "plays; an untried source fits with probability 0.[5-9]")
+    shows(panel, ".plays", "plays; an untried one fits with probability 0.[5-9]")
+    strip = panel.locator(".players rect")  # an episode after the other, to the end of the run
+    widths = strip.evaluate_all("all => all.map((one) => one.width.baseVal.value)")
+    assert len(widths) > 10
+    assert sum(widths) == pytest.approx(372 - 34, abs=1)
+    assert panel.locator(".players .source").count() > len(widths) / 2
+    panel.get_by_label("mixture").check()
+    shows(panel, ".says", "^Ready")
+    assert strip.count() == 0
 
 
 def test_who_drives_is_seen_while_training_goes_on(opened, page):
