@@ -23,7 +23,7 @@ WORDS = {
     "rooms_exploration": 315,
     "rooms_likelihood": 270,
     "rooms_number_of_sources": 185,
-    "cartpole": 335,
+    "cartpole": 340,
     "mountain_car": 470,
     "mazes": 520,
     "prior_weight": 365,
