@@ -11,7 +11,7 @@ from bs4 import BeautifulSoup, Tag
 # Words of a page's prose.
 WORDS = {
     "index": 350,
-    "idea": 550,
+    "idea": 600,
     "introduction": 300,
     "background": 760,
     "setting": 480,
@@ -28,7 +28,7 @@ WORDS = {
     "mazes": 520,
     "prior_weight": 365,
     "calibration": 460,
-    "controls": 890,
+    "controls": 900,
     "comparison": 330,
     "recommended": 690,
     "guide": 725,

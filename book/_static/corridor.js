@@ -138,9 +138,9 @@
       Object.assign(this, { fresh: [], values: null });
       const learned = this.box.checked
         ? "Values have changed where the agent has been, and nowhere else: what fails on the left says nothing about the right."
-        : "The band is narrow where the agent has been, and wider elsewhere. Old functions that do not fit have lost their say.";
+        : "The band is narrow where the agent has been, and wider elsewhere. Shapes that do not fit have become unlikely.";
       if (!this.found) return this.say(learned, "draw");
-      this.say(`The treasure was found in round ${this.rounds}, and the belief knows the way. Start again: other draws need more rounds, or fewer.`, "again");
+      this.say(`The treasure was found in round ${this.rounds}, and the belief knows the way. Start again, with the box ticked or without.`, "again");
     }
 
     say(words, next) {
