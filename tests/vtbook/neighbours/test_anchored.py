@@ -46,5 +46,6 @@ def test_only_weights_of_the_place_and_the_action_taken_are_seen():
     here, there = torch.tensor([[3.0, 3.0]]), torch.tensor([[7.0, 7.0]])
     action, ended = torch.tensor([2]), torch.tensor([False])
     agent.learn(Transition(here, action, torch.tensor([1.0]), there, ended))
-    moved = (agent.mu != start).nonzero()[:, -1]
-    assert moved.tolist() == [2 * 121 + 3 * 11 + 3]  # of that action, at that centre
+    expected = [2 * 121 + 3 * 11 + 3]  # of that action, at that centre
+    assert agent.seen.nonzero()[:, -1].tolist() == expected
+    assert (agent.mu != start).nonzero()[:, -1].tolist() == expected
