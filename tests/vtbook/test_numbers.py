@@ -115,7 +115,7 @@ NUMBERS = [
         MEAN,
     ),
     ("index", f"changed what it earns over four mazes by {RANGE}", over_mazes, "1-MGVT", "NT"),
-    ("index", f"left alone, gets {SHARE}", mean_until, CAR + "-untouched", "untouched", END),
+    ("index", f"left alone, averages {SHARE}", mean_until, CAR + "-untouched", "untouched", END),
     (ROOMS, f"2,000 steps it earns {SHARE}", mean_at, ROOMS + "-controls", "1-MGVT", 2_000),
     (ROOMS, f"of the mean then earns {SHARE}", mean_at, ROOMS + "-controls", MEAN, 2_000),
     ("scorecard", f"GVT is ahead of no transfer{SAYS}", gain, ROOMS, "GVT", "NT", 14_900),
